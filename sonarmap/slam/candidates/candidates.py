@@ -1,4 +1,4 @@
-"""Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
+"""Candidates for loop closures: by the estimate and its uncertainty, or by the scans' signatures."""
 
 from collections import defaultdict
 from collections.abc import Container, Sequence
@@ -14,10 +14,9 @@ from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.map.cell import cell_keys, overlapping
 from sonarmap.slam.pair import Candidate
 
-# The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.
-_OVERLAP_POWER = 2
-_LOOKALIKES = 3  # times the wanted number that are looked up, as neighbors show the same place
-# Draws from the joint marginal of two poses, the mean aside; always the same.
+_OVERLAP_POWER = 2  # in a loop's worth: with less overlap, scans see the place from different sides and err more
+_LOOKALIKES = 3  # neighbors that are looked up per wanted one, since consecutive scans show the same place
+# Standard normal draws for samples of the relative pose of two scans; fixed, so that results are reproducible.
 _DRAWS = np.random.default_rng(0).standard_normal((12, 6))
 
 
@@ -29,37 +28,36 @@ def find_candidates(
     left_out: Container[tuple[int, int]] = frozenset(),
     unsure: bool = False,
 ) -> list[Candidate]:
-    """Candidates for loops that the estimate and its uncertainty expect to overlap, best first within the limits.
+    """Candidates for loops whose scans are expected to overlap, best first within the limits.
 
-    What counts is the expected overlap: that at the estimate, less what the joint marginal of both poses leaves open;
-    and how far apart the scans are along the edges that there are. Drift grows with that, so that loops between far
-    parts tell most, while those between neighbors repeat what the chain says.
-    Only scans of one component are compared: between components there is no estimate.
+    They are ranked by the expected overlap, that at the estimate times its certainty by the joint marginal of both
+    poses, and by the number of edges between the scans: drift grows with it, so loops between distant scans add most
+    information, and those between neighbors repeat the chain's. Only scans of one component are compared.
 
     Args:
-        outlines: of the N scans that the solution has, as `outline` gives them in the settings' cells.
+        outlines: of the solution's N scans, as `outline` gives them for the settings' cells.
         left_out: pairs (i, j), i < j; consecutive scans are always left out.
-        unsure: only scans whose points the estimate has no better against each other than registrations usually have
-            them: from the others there is nothing to gain.
+        unsure: only pairs whose relative pose the estimate knows no better than registrations usually do; others would
+            add little.
     """
     cell = settings.cell_voxels * voxel
     scans, overlap = _overlapping(outlines, solution, cell, settings)
     new = np.array([j - i > 1 and (i, j) not in left_out for i, j in scans.tolist()], bool)
     scans, overlap = scans[new], overlap[new]
-    # the most that can be taken, and as many again for those that prove uncertain
+    # twice as many as can be taken, since some prove uncertain
     likely = _best(scans, overlap, solution, 2 * settings.per_scan, settings.spread)
     scans, overlap = scans[likely], overlap[likely]
     T, covariances = solution.relatives(scans)
-    tells = displacement(outlines, scans, covariances) >= (_usual(outlines, solution) if unsure else 0.0)
-    scans, overlap = scans[tells], overlap[tells]
-    overlap = overlap * certainties(outlines, scans, T[tells], covariances[tells], cell)
+    useful = displacement(outlines, scans, covariances) >= (_usual(outlines, solution) if unsure else 0.0)
+    scans, overlap = scans[useful], overlap[useful]
+    overlap = overlap * certainties(outlines, scans, T[useful], covariances[useful], cell)
     kept = np.flatnonzero(overlap >= settings.min_overlap)
     best = kept[_best(scans[kept], overlap[kept], solution, settings.per_scan, settings.spread)]
     return [Candidate(int(scans[k, 0]), int(scans[k, 1]), "loop", float(overlap[k])) for k in best]
 
 
 def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
-    """How far points are from where a registration has them, by its covariance in the graph: the median [m]."""
+    """Median over the registered edges of the displacement of points by an edge's covariance [m]."""
     registered = [edge for edge in solution.graph.edges if edge.is_registered]
     if not registered:
         return 0.0
@@ -71,9 +69,9 @@ def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
 def certainties(
     outlines: Sequence[np.ndarray], pairs: np.ndarray, T: RigidTransform, covariances: np.ndarray, cell: float
 ) -> np.ndarray:
-    """(m,) the shares of expected overlaps that are left, 0..1, as the poses may not be where the estimate has them.
+    """(m,) expected overlaps under the estimate's uncertainty, as shares of those at the estimate, 0..1.
 
-    The mean number of cells in common over draws from the estimate's uncertainty, over that at the estimate.
+    An overlap is the number of points in cells of the other scan; the expected one is the mean over random draws.
 
     Args:
         outlines: of N scans (`slam.map.cell.outline`).
@@ -101,18 +99,18 @@ def certainties(
 
 
 def _common(occupied: np.ndarray, points: np.ndarray, cell: float) -> int:
-    """How many points lie in cells of these sorted keys."""
+    """Number of points in the cells with these sorted keys."""
     keys, _ = cell_keys(points, cell, np.zeros(3))
     place = np.minimum(np.searchsorted(occupied, keys), len(occupied) - 1)
     return int(np.count_nonzero(occupied[place] == keys))
 
 
 def displacement(outlines: Sequence[np.ndarray], pairs: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """(m,) how far points of scan j usually are from where an estimate has them against scan i: root mean squares [m];
-    by (m, 6, 6) covariances of T_i_j, for (m, 2) pairs."""
+    """(m,) root mean square displacement of scan j's points relative to scan i [m], by (m, 6, 6) covariances of T_i_j
+    for (m, 2) pairs."""
     lever = np.array([np.einsum("na,nb->ab", points, points) / len(points) for points in outlines])
     middle = np.array([points.mean(axis=0) for points in outlines])
-    # of w x p + v over all points: the mean of |w x p|^2 is that of w' (p'p I - p p') w
+    # displacement of a point: w x p + v; the mean of |w x p|^2 is that of w' (p'p I - p p') w
     j = pairs[:, 1]
     turned = np.trace(lever[j], axis1=1, axis2=2)[:, None, None] * np.eye(3) - lever[j]
     turn, cross, shift = covariances[:, :3, :3], covariances[:, :3, 3:], covariances[:, 3:, 3:]
@@ -124,16 +122,16 @@ def displacement(outlines: Sequence[np.ndarray], pairs: np.ndarray, covariances:
 def _overlapping(
     outlines: Sequence[np.ndarray], solution: Solution, cell: float, settings: LoopSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 2) scans of one component that the estimate has overlap enough, i < j, and (m,) by how much."""
+    """(m, 2) pairs i < j of scans of one component that overlap enough at the estimate, and (m,) their overlap."""
     scans, overlap = [np.empty((0, 2), np.intp)], [np.empty(0)]
     for members in solution.graph.components:
         if settings.per_scan == 0 or len(members) < 3:
             continue
-        own = np.array(members)
+        poses = np.array(members)
         pairs, share = overlapping(
-            [outlines[k] for k in members], solution.trajectory.T_world_sensor[own], cell, settings.min_overlap
+            [outlines[k] for k in members], solution.trajectory.T_world_sensor[poses], cell, settings.min_overlap
         )
-        scans.append(own[pairs])
+        scans.append(poses[pairs])
         overlap.append(share)
     return np.concatenate(scans), np.concatenate(overlap)
 
@@ -144,27 +142,27 @@ def find_lookalikes(
     settings: LoopSettings,
     left_out: Container[tuple[int, int]] = frozenset(),
 ) -> list[Candidate]:
-    """Candidates for loops between parts, of scans that look alike: where no estimate exists, their looks may tell.
+    """Candidates for loops between components, which have no common estimate, by similar signatures.
 
     Args:
-        signatures: of N scans; None where a scan has none.
-        parts: the scans of each part, as edges join them; surveys of one place are parts until something joins them.
+        signatures: of N scans; None for a scan without one.
+        parts: scans of each component of the graph.
     """
     part = {k: number for number, members in enumerate(parts) for k in members}
-    known = {k: signature for k, signature in enumerate(signatures) if signature is not None}
-    scans = sorted(known, key=lambda k: (part[k], k))
+    usable = {k: signature for k, signature in enumerate(signatures) if signature is not None}
+    scans = sorted(usable, key=lambda k: (part[k], k))
     if settings.per_scan == 0 or len({part[k] for k in scans}) < 2:
         return []
-    index = PlaceIndex(np.stack([known[k] for k in scans]), np.array([part[k] for k in scans]))
-    alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
-    ranked = sorted((distance, *sorted((scans[a], scans[b]))) for a, b, distance in alike)
+    index = PlaceIndex(np.stack([usable[k] for k in scans]), np.array([part[k] for k in scans]))
+    similar = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
+    ranked = sorted((distance, *sorted((scans[a], scans[b]))) for a, b, distance in similar)
     new = [Candidate(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in left_out]
     return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
 
 
 def within_limits(ranked: Sequence[tuple[int, int]], per_scan: int, spread: int) -> list[int]:
-    """Which of these pairs to take, the first first, so that a scan has no more than `per_scan` partners, more than
-    `spread` scans apart."""
+    """Indices of the pairs to take, in their order, so that a scan has at most `per_scan` partners, all of them more
+    than `spread` scans apart."""
     partners: dict[int, list[int]] = defaultdict(list)
     kept: list[int] = []
     for k, (i, j) in enumerate(ranked):
@@ -180,12 +178,11 @@ def within_limits(ranked: Sequence[tuple[int, int]], per_scan: int, spread: int)
 
 
 def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: int, spread: int) -> np.ndarray:
-    """Which of (m, 2) pairs to take within the limits: those first that are likely to succeed and tie far parts
-    together."""
+    """Indices of the pairs to take within the limits, best first: large overlap, many edges between the scans."""
     if not len(scans):
         return np.zeros(0, np.intp)
     apart = separations(len(solution.trajectory), solution.graph.edges, scans)
-    # what instruments alone place is infinitely far along the edges
+    # pairs that only instruments place in one frame are infinitely far apart along the edges
     worth = overlap**_OVERLAP_POWER * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
     order = np.lexsort((scans[:, 1], scans[:, 0], -worth))
     ranked = [(i, j) for i, j in scans[order].tolist()]
@@ -193,10 +190,9 @@ def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: 
 
 
 def separations(count: int, edges: Sequence[Edge], pairs: np.ndarray) -> np.ndarray:
-    """(m,) how many edges lie between two poses: along the order of the poses, or by way of one loop if that is nearer.
+    """(m,) numbers of edges between two poses, along consecutive poses or over one loop if that is shorter.
 
-    Ways by several loops may be nearer still, and are not sought: what all of them are takes a time that grows with the
-    square of the poses. Infinite where neither is a way.
+    Infinite if neither path exists. Paths over several loops are not searched, which would take quadratic time.
 
     Args:
         pairs: (m, 2) int, different poses.
@@ -205,13 +201,13 @@ def separations(count: int, edges: Sequence[Edge], pairs: np.ndarray) -> np.ndar
     low, high = ends.min(axis=1, initial=count), ends.max(axis=1, initial=0)
     follows = np.zeros(count, bool)
     follows[high[high - low == 1]] = True
-    # poses without an edge to the one before begin a row of their own, out of reach
+    # a pose without an edge to the one before begins a chain, numbered out of reach of the chain before
     reach = 2 * count
     place = np.arange(count) + reach * np.cumsum(~follows)
-    asked = place[np.sort(pairs, axis=1)]
-    apart = (asked[:, 1] - asked[:, 0]).astype(np.float64)
+    ordered = place[np.sort(pairs, axis=1)]
+    apart = (ordered[:, 1] - ordered[:, 0]).astype(np.float64)
     loops = np.flatnonzero(high - low > 1)
     if len(loops):
         tied = np.column_stack([place[low[loops]], place[high[loops]]])
-        apart = np.minimum(apart, 1 + KDTree(tied).query(asked, p=1)[0])
+        apart = np.minimum(apart, 1 + KDTree(tied).query(ordered, p=1)[0])
     return np.where(apart < count, apart, np.inf)

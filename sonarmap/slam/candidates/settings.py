@@ -1,4 +1,4 @@
-"""How many loops are tried and how strictly they are judged: the thresholds of loop closing."""
+"""Settings of loop closing."""
 
 from dataclasses import dataclass
 
@@ -9,22 +9,19 @@ from sonarmap.kernels.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class LoopSettings:
-    """How many loops are searched for, and how strictly they are judged.
+    """Number of loops that are tried, and thresholds for accepting them.
 
     Attributes:
-        per_scan: most loops of a round that one scan takes part in; 0 searches none.
-        rounds: how often loops are searched for, whatever is known; later rounds use the estimate that earlier loops
-            have improved.
-        most_rounds: so often at most, as long as there are scans whose lie to each other the estimate has no better
-            than this survey's registrations usually have it.
-        min_overlap: expected overlap that makes a pair a candidate, 0..1.
-        cell_voxels: edge of the cells in which overlap is predicted [voxels]: coarse, as the estimate has
-            drifted.
-        spread: a scan's loops lead to scans more than this apart, so that its neighbors do not take them all.
-        bound: largest distance of two answers that agree [sigmas]; 4.74 holds 99.9 % of right ones (six degrees of
+        per_scan: largest number of loops per scan and round; 0 searches none.
+        rounds: number of searches for loops; later rounds use the estimate that earlier loops have improved.
+        most_rounds: largest number of searches; those after `rounds` try only pairs whose relative pose the estimate
+            knows no better than this survey's registrations usually do.
+        min_overlap: expected overlap from which a pair is a candidate, 0..1.
+        cell_voxels: edge of the cells in which overlap is predicted [voxels]: coarse, as the estimate drifts.
+        spread: a scan's loops lead to scans more than this apart in number, so that neighbors do not take all of them.
+        bound: largest distance of two answers that agree [sigmas]; 4.74 includes 99.9 % of right ones (six degrees of
             freedom).
-        floor_rotation, floor_voxels: an uncertainty that every answer is granted, added in quadrature [rad,
-            voxels].
+        floor_rotation, floor_voxels: standard deviations added in quadrature to every answer's [rad, voxels].
     """
 
     per_scan: int = 2
@@ -47,8 +44,8 @@ class LoopSettings:
         if self.most_rounds < self.rounds:
             raise InputError(f"most_rounds {self.most_rounds}: wanted at least the {self.rounds} of rounds")
         if min(self.cell_voxels, self.bound) <= 0 or min(self.floor_rotation, self.floor_voxels) < 0:
-            raise InputError("cell_voxels and bound have to be positive, the floors not negative")
+            raise InputError("cell_voxels and bound must be above 0, floor_rotation and floor_voxels 0 or more")
 
     def floor(self, voxel: float) -> np.ndarray:
-        """(6,) standard deviations that every answer is granted [rad, m]."""
+        """(6,) standard deviations added to every answer's [rad, m]."""
         return np.repeat([self.floor_rotation, self.floor_voxels * voxel], 3)
