@@ -1,4 +1,4 @@
-"""What is left of an expected overlap where poses are uncertain, and how many edges lie between two scans."""
+"""Expected overlap of scans with uncertain poses, and the number of edges between two scans."""
 
 import numpy as np
 import pytest
@@ -13,20 +13,20 @@ TRUTH, SCANS = ring_poses(6, radius=8.0)[:2], scans_of(ring_poses(6, radius=8.0)
 
 
 def pair_with(covariance: np.ndarray) -> Solution:
-    """Two scans, the second measured from the first with this covariance."""
+    """Two scans with an edge of this covariance."""
     return chained_graph(chain_edges(TRUTH, covariance), 2).optimize()
 
 
-def forecast(solution: Solution) -> float:
+def expected_overlap(solution: Solution) -> float:
     pair = np.array([[0, 1]])
     return float(certainties([outline(scan, 1.0) for scan in SCANS], pair, *solution.relatives(pair), 1.0)[0])
 
 
-def test_a_sure_pose_leaves_the_overlap_and_an_unsure_one_takes_from_it():
+def test_uncertain_poses_lower_the_expected_overlap():
     covariance = random_covariance(np.random.default_rng(3), 1e-4, 1e-3)
-    left = [forecast(pair_with(scale * covariance)) for scale in (1, 1e5, 1e8)]
-    assert left[0] > 0.97
-    assert 1 > left[1] > left[2] + 0.1
+    overlaps = [expected_overlap(pair_with(scale * covariance)) for scale in (1, 1e5, 1e8)]
+    assert overlaps[0] > 0.97
+    assert 1 > overlaps[1] > overlaps[2] + 0.1
 
 
 def test_a_displacement_is_the_root_mean_square_over_all_points():
@@ -34,17 +34,17 @@ def test_a_displacement_is_the_root_mean_square_over_all_points():
     outlines = [rng.normal(size=(50, 3)) * [3, 1, 2] + [1, -2, 4] for _ in range(3)]
     pairs = np.array([(0, 2), (2, 1)])
     covariances = np.stack([random_covariance(rng, 0.01, 0.05) for _ in pairs])
-    told = displacement(outlines, pairs, covariances)
-    for (_, j), covariance, one in zip(pairs, covariances, told, strict=True):
+    distances = displacement(outlines, pairs, covariances)
+    for (_, j), covariance, distance in zip(pairs, covariances, distances, strict=True):
         xi = rng.multivariate_normal(np.zeros(6), covariance, 20_000)
         moved = np.cross(xi[:, None, :3], outlines[j]) + xi[:, None, 3:]
-        assert one == pytest.approx(np.sqrt((moved**2).sum(axis=2).mean()), rel=0.02)
+        assert distance == pytest.approx(np.sqrt((moved**2).sum(axis=2).mean()), rel=0.02)
 
 
 T, COVARIANCE = RigidTransform.identity(), np.eye(6)
 
 
-def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
+def test_separation_is_the_shortest_path_over_at_most_one_loop() -> None:
     rng = np.random.default_rng(3)
     for _ in range(20):
         loops = [tuple(sorted(rng.choice(40, 2, replace=False).tolist())) for _ in range(6)]
@@ -61,7 +61,7 @@ def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
 CHAIN = chain_edges(RigidTransform.identity(10), COVARIANCE)
 
 
-def test_a_gap_is_crossed_by_a_loop_alone() -> None:
+def test_only_a_loop_crosses_a_gap() -> None:
     chain = [one for one in CHAIN if one.i != 4]
     pairs = np.array([(3, 4), (3, 7), (0, 9)])
     np.testing.assert_array_equal(separations(10, chain, pairs), [1, np.inf, np.inf])
@@ -70,9 +70,8 @@ def test_a_gap_is_crossed_by_a_loop_alone() -> None:
     np.testing.assert_array_equal(separations(11, CHAIN, np.array([(0, 10), (3, 4)])), [np.inf, 1])
 
 
-def test_the_forecast_asks_only_for_what_is_between_the_scans():
-    """The world may be moved."""
+def test_the_expected_overlap_stays_when_the_world_moves():
     graph = pair_with(random_covariance(np.random.default_rng(4), 0.05, 0.5)).graph
     moved = RigidTransform.from_exp_coords([0.3, -0.2, 1.1, 40, -7, 3]) * graph.trajectory.T_world_sensor
-    here, there = (forecast(each.optimize()) for each in (graph, graph.at(moved)))
+    here, there = (expected_overlap(each.optimize()) for each in (graph, graph.at(moved)))
     assert here == pytest.approx(there, abs=0.02)

@@ -1,4 +1,4 @@
-"""The index of signatures: who is nearest to whom, in which order, and who is left out."""
+"""The index of signatures: the nearest scans, their order, and the scans that are left out."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,12 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.places import PlaceIndex
 
-# Two laps over so many places make a survey.
-PLACES = 30
-NUMBERS = 40
+PLACES = 30  # of a lap; a survey has two laps
+NUMBERS = 40  # of a signature
 
 
 def laps(seed: int, noise: float = 0.2, count: int = 2) -> np.ndarray:
-    """(count PLACES, NUMBERS): signatures that wander from place to place, and do it again, with noise."""
+    """(count PLACES, NUMBERS): signatures of `count` laps over the same places, with noise."""
     rng = np.random.default_rng(seed)
     once = np.cumsum(rng.normal(size=(PLACES, NUMBERS)), axis=0)
     return np.tile(once, (count, 1)) + noise * rng.normal(size=(count * PLACES, NUMBERS))
@@ -20,13 +19,13 @@ def laps(seed: int, noise: float = 0.2, count: int = 2) -> np.ndarray:
 
 class TestNearest:
     @pytest.mark.parametrize("gap", [0, 1, 7])
-    def test_leaves_out_what_was_taken_within_the_gap(self, gap):
+    def test_leaves_out_scans_within_the_gap(self, gap):
         given = laps(2, count=1)
         index, _ = PlaceIndex(given).nearest(4, gap=gap)
         assert np.abs(index - np.arange(len(given))[:, None]).min() == gap + 1
 
-    def test_is_what_every_distance_says(self):
-        """Against all distances from `candidates` of an index that keeps every pair."""
+    def test_agrees_with_all_distances(self):
+        """All distances are those of `candidates` that keep every pair."""
         given = laps(3)
         count = len(given)
         everything = PlaceIndex(given).candidates(count, gap=0)
@@ -40,15 +39,15 @@ class TestNearest:
         np.testing.assert_array_equal(index, np.argsort(distances, axis=1, kind="stable")[:, :6])
         np.testing.assert_allclose(distance, np.sort(distances, axis=1)[:, :6], rtol=1e-12)
 
-    def test_neither_the_unit_nor_the_origin_of_the_signatures_counts(self):
+    def test_unit_and_origin_of_the_signatures_do_not_matter(self):
         given = laps(7)
         want, distance = PlaceIndex(given).nearest(5)
         got, again = PlaceIndex(given * 250 - 17).nearest(5)
         np.testing.assert_array_equal(got, want)
         np.testing.assert_allclose(again, distance, rtol=1e-6)
 
-    def test_hears_what_parts_places_under_what_parts_neighbors(self):
-        """A loud noise in numbers that say nothing of the place leads plain distances astray."""
+    def test_finds_revisits_despite_noise_in_some_columns(self):
+        """Loud noise in columns that do not depend on the place misleads plain distances."""
         rng = np.random.default_rng(8)
         given = np.column_stack([laps(8), 15 * rng.normal(size=(2 * PLACES, 6))])
         order = np.arange(2 * PLACES)
@@ -62,8 +61,8 @@ class TestNearest:
         assert share_near(plain.argmin(axis=1)) < 0.4
         assert share_near(index[:, 0]) > 0.6
 
-    def test_another_scan_is_placed_as_those_of_the_index_are(self):
-        """What one of them says of itself is itself first, and then its neighbors in their order."""
+    def test_most_like_agrees_with_nearest(self):
+        """The scan most like a scan of the index is itself; its neighbors follow in their order."""
         given = laps(7)
         places, count = PlaceIndex(given), len(given)
         index, _ = places.nearest(count - 1, gap=0)
@@ -71,13 +70,13 @@ class TestNearest:
             np.testing.assert_array_equal(places.most_like(given[k]), [k, *index[k][index[k] >= 0]])
         np.testing.assert_array_equal(PlaceIndex(given[:1]).most_like(given[5]), [0])
 
-    def test_of_equals_the_first_comes_first(self):
-        alike = np.tile([1.0, 2, 3, 4, 5], (12, 1))
-        index, distance = PlaceIndex(alike).nearest(3, gap=2)
+    def test_ties_keep_the_order_of_the_scans(self):
+        same = np.tile([1.0, 2, 3, 4, 5], (12, 1))
+        index, distance = PlaceIndex(same).nearest(3, gap=2)
         np.testing.assert_array_equal(index[[0, 1, 5]], [[3, 4, 5], [4, 5, 6], [0, 1, 2]])
         assert not distance.any()
 
-    def test_tells_where_there_are_no_more(self):
+    def test_missing_neighbors_are_marked(self):
         index, distance = PlaceIndex(laps(5)[:8]).nearest(4, gap=5)
         np.testing.assert_array_equal(index[0, 2:], [-1, -1])
         np.testing.assert_array_equal(index[3], [-1] * 4)
@@ -90,7 +89,7 @@ class TestNearest:
 
 
 class TestSurveys:
-    def test_looks_in_the_others_only_where_asked_to(self):
+    def test_elsewhere_searches_other_surveys_only(self):
         surveys = np.repeat([3, 7], PLACES)
         index, distance = PlaceIndex(laps(9), surveys).nearest(2, elsewhere=True)
         assert (surveys[index] != surveys[:, None]).all()
@@ -99,18 +98,18 @@ class TestSurveys:
 
     def test_the_gap_ends_with_the_survey(self):
         given = laps(10)
-        given[PLACES] = given[PLACES - 1]  # the second begins where the first ended
+        given[PLACES] = given[PLACES - 1]  # the second survey begins where the first ends
         index, _ = PlaceIndex(given, np.repeat([0, 1], PLACES)).nearest(1)
         assert index[PLACES, 0] == PLACES - 1
         assert PlaceIndex(given).nearest(1)[0][PLACES, 0] != PLACES - 1
-        # one survey has no others
+        # a single survey has no others
         index, distance = PlaceIndex(laps(11)).nearest(2, elsewhere=True)
         assert (index == -1).all()
         assert np.isinf(distance).all()
 
 
 class TestCandidates:
-    def test_are_the_nearest_once_and_in_order(self):
+    def test_contains_each_near_pair_once_in_order(self):
         given = laps(12)
         places = PlaceIndex(given)
         index, distance = places.nearest(2)
@@ -122,7 +121,7 @@ class TestCandidates:
         assert len(found) == len(want)
         assert (0, int(index[0, 0]), float(distance[0, 0])) in found
         assert PlaceIndex(given).candidates(2) == found
-        # none where all scans are neighbors
+        # no candidates if all scans are within the gap
         assert PlaceIndex(laps(14)[:5]).candidates(3) == []
 
 
@@ -133,12 +132,12 @@ class TestCandidates:
         *(((laps(15), surveys), "scans of one survey after those") for surveys in (np.zeros(9), np.arange(60) % 2)),
     ],
 )
-def test_refuses_signatures_and_surveys_that_do_not_fit(given, words):
+def test_refuses_signatures_and_surveys_of_wrong_shape(given, words):
     with pytest.raises(InputError, match=words):
         PlaceIndex(*given)
 
 
 @pytest.mark.parametrize(("k", "gap"), [(0, 5), (3, -1)])
-def test_refuses_numbers(k, gap):
+def test_refuses_k_and_gap_out_of_range(k, gap):
     with pytest.raises(InputError, match="wanted at least 1 and at least 0"):
         PlaceIndex(laps(16)).nearest(k, gap)

@@ -1,4 +1,4 @@
-"""The journal: what is in it stays, and a file that is no journal is left as it is."""
+"""The journal keeps its entries, and leaves other files unchanged."""
 
 import sqlite3
 from collections.abc import Callable
@@ -26,7 +26,7 @@ class TestKeeping:
         with Journal(path) as journal:
             assert (journal.entry("key a"), journal.entry("key b"), journal.count()) == (ENTRY, None, 1)
 
-    def test_entries_that_are_added_together_are_kept_all_or_none(self, path: Path) -> None:
+    def test_entries_added_together_are_kept_all_or_none(self, path: Path) -> None:
         with Journal(path) as journal:
             with pytest.raises(InputError, match="NOT NULL"):
                 journal.add([ENTRY, replace(ENTRY, key="b", content=None)])
@@ -49,7 +49,7 @@ def executed(path: Path, *statements: str) -> None:
 
 
 def overwritten(path: Path) -> None:
-    """The middle of a journal with many rows."""
+    """Overwrite the middle of a journal with many rows."""
     with Journal(path) as journal:
         for k in range(40):
             journal.add([replace(ENTRY, key=str(k), content="x" * 999)])
@@ -67,7 +67,7 @@ class TestDamage:
             "checksum = ''",
         ],
     )
-    def test_an_entry_that_was_changed_is_none_until_it_is_added_again(self, path: Path, change: str) -> None:
+    def test_a_changed_entry_is_missing_until_it_is_added_again(self, path: Path, change: str) -> None:
         other = replace(ENTRY, key="key b")
         with Journal(path) as journal:
             journal.add([ENTRY, other])
@@ -77,7 +77,7 @@ class TestDamage:
             journal.add([ENTRY])
             assert (journal.entry("key a"), journal.damaged) == (ENTRY, 1)
 
-    def test_entries_that_changed_places_are_none(self, path: Path) -> None:
+    def test_swapped_entries_are_missing(self, path: Path) -> None:
         with Journal(path) as journal:
             journal.add([ENTRY, replace(ENTRY, key="key b", content="other")])
         places = ("key a", "key c"), ("key b", "key a"), ("key c", "key b")
@@ -87,7 +87,7 @@ class TestDamage:
 
 
 def another_table(path: Path) -> None:
-    """The file of a journal, in which a byte of a column's name has changed."""
+    """Change a byte of a column's name in the file of a journal."""
     Journal(path).close()
     path.write_bytes(path.read_bytes().replace(b"content TEXT", b"contend TEXT"))
 
@@ -103,14 +103,14 @@ class TestOtherFiles:
         ],
         ids=["db", "torn", "another table", "text"],
     )
-    def test_what_is_no_journal_is_left_as_it_is(self, path: Path, make: Callable[[Path], object]) -> None:
+    def test_other_files_are_left_unchanged(self, path: Path, make: Callable[[Path], object]) -> None:
         make(path)
         before = path.read_bytes()
         with pytest.raises(InputError, match=r"not a journal of sonarmap, or it is damaged .* delete it"):
             Journal(path, fresh=True)
         assert path.read_bytes() == before
 
-    def test_another_version_is_told_and_can_be_forgotten(self, path: Path) -> None:
+    def test_another_version_is_refused_unless_fresh(self, path: Path) -> None:
         Journal(path).close()
         executed(path, "PRAGMA user_version = 99")
         with pytest.raises(InputError, match="`fresh`"):
@@ -126,6 +126,6 @@ class TestOtherFiles:
                     Journal(path, fresh)
             assert journal.entry("key a") is not None
         Journal(path).close()
-        # nor is a folder made that is not there
+        # a missing folder is not created
         with pytest.raises(InputError, match=r"cannot write .*journal.sqlite"):
             Journal(path / "below" / "journal.sqlite")

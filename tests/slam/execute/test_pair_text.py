@@ -1,4 +1,4 @@
-"""The result of a pair as text, bit by bit; what a worker hands on, and how many prepared scans it keeps."""
+"""Results of pairs as text, bit by bit; the result that a worker passes on, and its number of prepared scans."""
 
 from copy import deepcopy
 from dataclasses import replace
@@ -22,7 +22,7 @@ ODD = [float("nan"), float("inf"), -0.0, 5e-324, 0.1 + 0.2]
 
 
 def registrations(seed: int, depth: int = 2) -> Registration:
-    """Drawn, with two alternatives of the next depth."""
+    """A random result with two alternatives, nested `depth` levels deep."""
     rng = np.random.default_rng(seed)
     psr, overlap, seconds, probability = rng.choice([*ODD, *rng.normal(size=5)], 4)
     return Registration(
@@ -41,7 +41,7 @@ def registrations(seed: int, depth: int = 2) -> Registration:
 
 
 def bits(registration: Registration) -> list[object]:
-    """Everything in it, floats by their bits."""
+    """All fields of a result, floats by their bits."""
     numbers = [registration.psr, registration.overlap, registration.seconds, registration.probability]
     return [
         registration.T_target_source.as_matrix().tobytes(),
@@ -64,7 +64,7 @@ def test_a_registration_comes_back_bit_by_bit(seed: int) -> None:
     assert (to_text(returned), failure) == (text, "")
 
 
-def test_numbers_of_numpy_and_a_failure_come_back() -> None:
+def test_numpy_numbers_and_a_failure_come_back() -> None:
     psr: Any = np.float32(0.1)
     accepted: Any = np.bool_(True)
     given = Registration(RigidTransform.identity(), np.eye(6), psr, 0.2, accepted, 0.1, step_psr=(("a", psr),))
@@ -87,7 +87,7 @@ def test_a_signature_comes_back_bit_by_bit(signature: np.ndarray | None) -> None
 
 
 class Instruments(KnowingRegistrar):
-    """What instruments said is in its registrations, and beside it what the scans alone say."""
+    """Its results include instruments, beside the result of the scans alone."""
 
     def register(self, target: Any, source: Any) -> Registration:
         alone = super().register(target, source)
@@ -100,8 +100,8 @@ class Instruments(KnowingRegistrar):
         )
 
 
-def test_a_worker_hands_on_what_the_scans_alone_say() -> None:
-    """The graph holds the instruments' measurements: it would count them twice."""
+def test_a_worker_passes_on_the_result_of_the_scans_alone() -> None:
+    """The graph has the instruments' measurements, and would count them twice."""
     poses, covariance = ring_poses(4), random_covariance(np.random.default_rng(2))
     sources: Any = {scan_key(scan): SimpleNamespace(load=partial(deepcopy, scan)) for scan in scans_of(poses)}
     scans = list(sources)
@@ -121,7 +121,7 @@ def test_a_worker_hands_on_what_the_scans_alone_say() -> None:
     ("memory", "workers", "least", "most"),
     [(2**40, 1, 16, 16), (2**33, 1, 9, 16), (2**34, 16, 8, 8), (2**26, 1, 2, 2)],
 )
-def test_as_many_scans_stay_prepared_as_are_useful(memory: int, workers: int, least: int, most: int) -> None:
+def test_memory_and_workers_limit_the_prepared_scans(memory: int, workers: int, least: int, most: int) -> None:
     registrar: Any = SimpleNamespace(device=SimpleNamespace(memory=memory), grid=SimpleNamespace(edge=128))
     kept = prepared_limit(registrar, workers)
     assert least <= kept <= most

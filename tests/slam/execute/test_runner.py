@@ -1,4 +1,4 @@
-"""Wherever a survey's pairs are registered, and however often that is stopped: the same results, no pair twice."""
+"""A survey's pairs give the same results wherever they run and however often they stop; no pair runs twice."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -50,7 +50,7 @@ class Work:
             return [to_text(pair.registration, pair.failure) for pair in registered]
 
     def registered(self) -> list[tuple[int, int]]:
-        """The pairs that registrars were asked for, sorted; those with the broken scan never are."""
+        """The pairs that registrars registered, sorted; pairs with the broken scan never reach them."""
         lines = self.notes.read_text().splitlines() if self.notes.exists() else []
         return sorted((int(i), int(j)) for i, j in (line.split() for line in lines))
 
@@ -59,7 +59,7 @@ def candidates(pairs: list[tuple[int, int]]) -> list[Candidate]:
     return [Candidate(i, j, "loop") for i, j in pairs]
 
 
-ASKED = sorted(pair for pair in PAIRS if 2 not in pair)
+USABLE = sorted(pair for pair in PAIRS if 2 not in pair)
 
 
 @pytest.fixture
@@ -71,11 +71,11 @@ def work(tmp_path: Path) -> Work:
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     work = Work(tmp_path_factory.mktemp("undisturbed"))
     found = work.run()
-    assert work.registered() == ASKED
+    assert work.registered() == USABLE
     return found
 
 
-def test_failures_are_told_in_their_place(undisturbed: list[str]) -> None:
+def test_failures_stay_in_their_place(undisturbed: list[str]) -> None:
     failed = [pair for pair, text in zip(PAIRS, undisturbed, strict=True) if "scan2: it is of no use" in text]
     assert failed == [pair for pair in PAIRS if 2 in pair]
 
@@ -83,7 +83,7 @@ def test_failures_are_told_in_their_place(undisturbed: list[str]) -> None:
 @pytest.mark.parametrize("kind", ["here", "processes 1"])
 def test_processes_and_the_journal_give_the_same_bits(work: Work, undisturbed: list[str], kind: str) -> None:
     assert [work.run(kind) for _ in range(2)] == [undisturbed] * 2
-    assert work.registered() == ASKED
+    assert work.registered() == USABLE
 
 
 @pytest.mark.parametrize("seed", [1])
@@ -95,20 +95,20 @@ def test_the_order_makes_no_difference_and_only_new_pairs_are_registered(
     assert work.run(pairs=some) == [undisturbed[n] for n in order[:6]]
     assert work.registered() == sorted(pair for pair in some if 2 not in pair)
     assert work.run(pairs=[PAIRS[n] for n in order]) == [undisturbed[n] for n in order]
-    assert work.registered() == ASKED
+    assert work.registered() == USABLE
 
 
-def test_stopped_again_and_again_it_goes_on(work: Work, undisturbed: list[str]) -> None:
-    """At six pairs: each of them is begun twice, as it was under way, and no other is."""
+def test_a_run_continues_after_every_stop(work: Work, undisturbed: list[str]) -> None:
+    """Only the pairs at which the six stops happen are begun twice."""
     stops = [[pair for pair in PAIRS if 2 not in pair][k] for k in (0, 1, 4, 5, 7, 10)]
     for i, j in stops:
         with pytest.raises(KeyboardInterrupt):
             work.run(ending=f"stop {i} {j}")
     assert work.run() == undisturbed
-    assert work.registered() == sorted([*ASKED, *stops])
+    assert work.registered() == sorted([*USABLE, *stops])
 
 
-def test_a_worker_that_is_killed_is_told_and_what_is_done_is_kept(work: Work, undisturbed: list[str]) -> None:
+def test_a_killed_worker_is_reported_and_finished_pairs_are_kept(work: Work, undisturbed: list[str]) -> None:
     with pytest.raises(InputError, match=r"ended before its time.* continues from there"):
         work.run("processes 1", ending="kill 7 8")
     begun = work.registered()
@@ -121,7 +121,7 @@ def test_a_worker_that_is_killed_is_told_and_what_is_done_is_kept(work: Work, un
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", ["here", "processes 2"])
-def test_a_machine_that_fails_is_raised_and_not_kept(work: Work, undisturbed: list[str], kind: str) -> None:
+def test_a_device_error_is_raised_and_not_kept(work: Work, undisturbed: list[str], kind: str) -> None:
     with pytest.raises(DeviceError, match="the device is full"):
         work.run(kind, ending="device 4 5")
     assert work.run() == undisturbed
@@ -142,7 +142,7 @@ def test_signatures_are_kept_too(work: Work, kind: str) -> None:
 
 
 class TestJournalEntries:
-    def test_scans_and_the_method_decide_and_not_their_names(self, work: Work) -> None:
+    def test_keys_depend_on_scans_and_method_but_not_on_names(self, work: Work) -> None:
         first = work.run(pairs=[(0, 1), (0, 2)])
         renamed = [replace(scan, name=scan.name.replace("scan", "scan0"), stamp=9.0) for scan in SCANS]
         for method, scans, new in (("knowing", renamed, [(0, 2)]), ("another", SCANS, [(0, 1), (0, 2)])):
@@ -150,20 +150,18 @@ class TestJournalEntries:
                 execution = replace(execution, method=method)
                 registered = PairRunner(execution, scans, 0, None).register(candidates([(0, 1), (0, 2)]))
             assert to_text(registered[0].registration) == first[0]
-            # the words of a failure name its scans
+            # a failure names its scans, so that it is computed anew
             computed = [(t.target, t.source) for t in execution.timings.pairs if not t.from_journal]
             assert computed == new
 
     @pytest.mark.parametrize("count", [40])
-    def test_a_byte_that_is_damaged_is_refused_or_harmless(
-        self, work: Work, undisturbed: list[str], count: int
-    ) -> None:
+    def test_a_damaged_byte_is_refused_or_harmless(self, work: Work, undisturbed: list[str], count: int) -> None:
         work.run()
         content = work.journal.read_bytes()
         rng = np.random.default_rng(0)
         ends: Counter[str] = Counter()
         for n in range(count):
-            place = int(rng.integers(100 if n % 3 == 0 else len(content)))  # SQLite's header decides how all is read
+            place = int(rng.integers(100 if n % 3 == 0 else len(content)))  # a third of them in SQLite's header
             changed = bytearray(content)
             changed[place] ^= int(rng.integers(1, 256))
             for path in work.journal.parent.glob("journal*"):
@@ -189,7 +187,7 @@ def test_timings_say_what_came_from_the_journal(work: Work) -> None:
         assert timings.from_journal == from_journal
         assert all(time.seconds > 0 and time.from_journal == (from_journal > 0) for time in timings.pairs)
         assert list(timings.stages) == ["pairs registered", "optimized"]
-    # those of a part have the survey's numbers
+    # timings of a part of the survey have the survey's numbers
     with work.execution("here") as execution:
         PairRunner(execution, SCANS, 0, None).of([1, 3, 5, 8]).of([0, 1, 3]).register(candidates([(0, 1), (1, 2)]))
     assert [(time.target, time.source) for time in execution.timings.pairs] == [(1, 3), (3, 8)]

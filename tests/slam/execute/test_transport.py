@@ -1,4 +1,4 @@
-"""Scans on their way to other processes: each read when it is needed, written once and removed; and their keys."""
+"""Scans on their way to other processes, each read when needed, written once and removed; and keys of scans."""
 
 import io
 import os
@@ -58,7 +58,7 @@ def test_a_scan_comes_back_as_it_was(tmp_path: Path) -> None:
 
 
 class Harmful:
-    """Unpickled, it makes a folder."""
+    """Makes a folder when it is unpickled."""
 
     def __init__(self, mark: Path) -> None:
         self.mark = mark
@@ -69,8 +69,8 @@ class Harmful:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("planted", ["link"])
-def test_what_others_left_where_scans_are_expected_is_neither_read_nor_written(tmp_path: Path, planted: str) -> None:
-    """Pickles of an earlier version too, which began with the number of the scan."""
+def test_files_of_others_in_the_spool_are_neither_read_nor_written(tmp_path: Path, planted: str) -> None:
+    """Also pickles of an earlier version, whose names begin with the scan's number."""
     elsewhere = tmp_path / "elsewhere"
     theirs = elsewhere if planted == "link" else tmp_path / "spool"
     theirs.mkdir(mode=0o777)
@@ -95,8 +95,8 @@ def bytes_of(**arrays: np.ndarray) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["pickle", "pickled array", "cut", "gone"])
-def test_a_file_that_was_changed_runs_no_code_and_is_told(tmp_path: Path, kind: str) -> None:
-    """The machine's fault, not the pair's: nothing goes into the journal."""
+def test_a_changed_file_runs_no_code_and_is_refused(tmp_path: Path, kind: str) -> None:
+    """It is a fault of the machine, not of the pair: nothing goes into the journal."""
     harmful = Harmful(tmp_path / "harmed")
     with spooled(tmp_path / "spool") as spool:
         source = spool.source(scan_key(SCANS[3]), lambda: SCANS[3])
@@ -113,10 +113,10 @@ def test_a_file_that_was_changed_runs_no_code_and_is_told(tmp_path: Path, kind: 
     assert not (tmp_path / "harmed").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    told = pytest.raises(InputError, match=r"cannot write scan3 .*`workers`")
-    with spooled(tmp_path / "file" / "spool") as spool, told:
+    refused = pytest.raises(InputError, match=r"cannot write scan3 .*`workers`")
+    with spooled(tmp_path / "file" / "spool") as spool, refused:
         spool.source(scan_key(SCANS[3]), lambda: SCANS[3])
 
 
@@ -126,10 +126,10 @@ A = Scan(POINTS, name="a")
 
 class TestKeys:
     @pytest.mark.parametrize("change", [{"name": "other"}, {"stamp": 7.0}, {"points": POINTS.copy(order="F")}])
-    def test_names_stamps_and_layout_decide_nothing(self, change: dict) -> None:
+    def test_names_stamps_and_layout_do_not_change_a_key(self, change: dict) -> None:
         assert content_key(replace(A, **change)) == content_key(A)
 
-    def test_arrays_and_priors_decide(self) -> None:
+    def test_arrays_and_priors_change_a_key(self) -> None:
         T = RigidTransform.from_translation([1, 2, 3])
         known = PosePrior(T, knowing(slice(2), slice(2, 3)))
         changed = POINTS.copy()
@@ -152,7 +152,7 @@ class TestKeys:
 
 
 class Counted(Sequence[Scan]):
-    """Scans that are read from somewhere, every time."""
+    """Scans that are read at every access, with counts."""
 
     def __init__(self) -> None:
         self.read = [0] * COUNT
@@ -170,7 +170,7 @@ class Counted(Sequence[Scan]):
 
 
 @pytest.mark.slow
-def test_a_scan_is_read_for_its_key_and_for_its_file_and_never_again(tmp_path: Path) -> None:
+def test_a_scan_is_read_once_for_its_key_and_once_for_its_file(tmp_path: Path) -> None:
     scans = Counted()
     with processes(2, spool=tmp_path / "spool") as executor:
         runner = PairRunner(Execution(worker_spec(COUNT, tmp_path / "notes"), executor), scans, 0, None)

@@ -1,4 +1,4 @@
-"""Control points in a graph: the factor, where they put a map, what they leave open, and which are wrong."""
+"""Control points in a graph: the factor, the placement of a map, unconstrained motions, and wrong points."""
 
 import tracemalloc
 from dataclasses import replace
@@ -22,18 +22,18 @@ T_WORLD = RigidTransform.from_components([310.0, -45.0, -12.0], Rotation.from_eu
 COUNT = 12
 TRUTH = T_WORLD * ring_poses(COUNT)
 COVARIANCE = random_covariance(np.random.default_rng(4), 0.004, 0.03)
-# of three points that are not on a line, in the frames of their scans [m]
+# points of some scans, in their frames [m]
 PICKED = {0: [2.0, 1.0, -1.0], 4: [3.0, -2.0, 0.5], 8: [1.5, 2.5, -2.0], 10: [-2.0, 3.0, 1.0], 2: [4.0, 0.0, -3.0]}
 
 
 def point(scan: int, sigma: float = 0.05, off: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> ControlPoint:
-    """A point without an error but `off`, at PICKED."""
+    """A point at PICKED whose known position is off by `off`."""
     picked = np.array(PICKED[scan])
     return ControlPoint(f"P{scan}", scan, picked, TRUTH[scan].apply(picked) + off, np.full(3, sigma))
 
 
 def graph(control: list[ControlPoint], noisy: bool = True, priors: dict[int, PosePrior] | None = None) -> PoseGraph:
-    """A chain in a frame of its own, put where the points are."""
+    """A chain that was placed by the points."""
     rng = np.random.default_rng(7)
     edges = tuple(chain_edges(TRUTH, COVARIANCE, drawn(rng, COVARIANCE * noisy, COUNT - 1)))
     known = priors or {}
@@ -45,23 +45,23 @@ def distance(solution: Solution) -> float:
     return position_error(solution.trajectory.T_world_sensor, TRUTH)
 
 
-def test_the_residual_is_that_worked_by_hand():
+def test_the_residual_matches_a_calculation_by_hand():
     """A sensor at (10, 20, -3) that looks North sees the point 2 m ahead, 1 m to the left and 0.5 m up."""
     T = RigidTransform.from_components([10.0, 20.0, -3.0], Rotation.from_euler("Z", 90, degrees=True))
     known = ControlPoint("A", 0, np.array([2.0, 1.0, 0.5]), np.array([9.1, 21.8, -2.7]), np.array([0.1, 0.4, 0.05]))
-    # there are 9, 22 and -2.5: off by -0.1, 0.2 and 0.2, which are 1, 0.5 and 4 sigmas
+    # it is seen at 9, 22 and -2.5: off by -0.1, 0.2 and 0.2, which is 1, 0.5 and 4 sigmas
     poses = to_values(RigidTransform.concatenate([T]))
     assert known.factor().error(poses) == pytest.approx(0.5 * (1.0 + 0.25 + 16.0), rel=1e-9)
     np.testing.assert_allclose(T.apply(known.point) - known.known, [-0.1, 0.2, 0.2], atol=1e-9)
 
 
-def test_the_jacobian_is_that_of_finite_differences():
+def test_the_jacobian_matches_finite_differences():
     T, p, step = TRUTH[3], np.array([1.2, -0.7, 2.9]), 1e-6
     differences = [((T * RigidTransform.from_exp_coords(step * xi)).apply(p) - T.apply(p)) / step for xi in np.eye(6)]
     np.testing.assert_allclose(jacobian(T, p), np.array(differences).T, atol=1e-5)
 
 
-def test_three_points_put_a_chain_into_the_world():
+def test_three_points_place_a_chain_in_the_world():
     solution = graph([point(0), point(4), point(8)], noisy=False).optimize()
     assert distance(solution) < 1e-4
     assert solution.graph.gauge.unmeasured == {}
@@ -71,12 +71,12 @@ def test_three_points_put_a_chain_into_the_world():
     assert distance(noisy) < 0.3
     covariances = pose_covariances(noisy)
     assert (np.linalg.eigvalsh(covariances) > 0).all()
-    # the map is the surest where it is held
+    # between control points, positions stay certain
     spread = np.sqrt(np.trace(covariances[:, 3:, 3:], axis1=1, axis2=2))
     assert spread[6] < 2.0
 
 
-def test_moving_all_known_coordinates_moves_the_map_the_same_and_their_order_does_not_matter():
+def test_the_map_moves_with_the_known_coordinates_whatever_their_order():
     control = [point(0), point(4, off=(0.04, -0.03, 0.02)), point(8), point(10, off=(-0.05, 0.01, 0.03))]
     T_other = RigidTransform.from_components([-75.0, 220.0, 4.0], Rotation.from_euler("ZYX", [-1.3, 0.4, 0.9]))
     moved = [replace(each, known=T_other.apply(each.known)) for each in control]
@@ -91,7 +91,7 @@ def test_moving_all_known_coordinates_moves_the_map_the_same_and_their_order_doe
     ("scans", "open_"),
     [((4,), {"tilt_x", "tilt_y", "heading"}), ((0, 8), None), ((0, 4, 8), set())],
 )
-def test_what_few_points_leave_open_is_told_and_held(scans, open_):
+def test_motions_that_few_points_leave_unconstrained_are_listed_and_held(scans, open_):
     held = graph([point(k) for k in scans], noisy=False)
     names = np.array(["tilt_x", "tilt_y", "heading", "east", "north", "up"])
     flags = held.gauge.unmeasured.get(0, np.zeros(6, bool))
@@ -120,7 +120,7 @@ def test_a_blunder_does_not_spoil_the_start(upright):
     assert float((T.inv() * fitted).rotation.magnitude()) < 0.01
 
 
-def test_many_points_take_no_memory_for_all_their_choices():
+def test_many_points_need_little_memory():
     here = np.random.default_rng(5).normal(size=(200, 3)) * [20, 15, 4]
     tracemalloc.start()
     try:
@@ -129,7 +129,7 @@ def test_many_points_take_no_memory_for_all_their_choices():
     finally:
         tracemalloc.stop()
     np.testing.assert_allclose(fitted.as_matrix(), T_WORLD.as_matrix(), atol=1e-9)
-    # the least-squares start is SciPy's
+    # the rotation for three points is SciPy's
     rng = np.random.default_rng(6)
     here = rng.normal(size=(3, 3)) * [20, 15, 4]
     there = T_WORLD.apply(here) + 0.1 * rng.normal(size=(3, 3))
@@ -137,7 +137,7 @@ def test_many_points_take_no_memory_for_all_their_choices():
     np.testing.assert_allclose(robust_fit(here, there).rotation.as_matrix(), R.as_matrix(), atol=1e-9)
 
 
-def test_a_wrong_point_is_named_and_left_out_and_right_ones_are_not():
+def test_only_wrong_points_are_left_out():
     for size in (1.5, 40.0):
         control = [point(0), point(2), point(4, off=(0.6 * size, -0.8 * size, 0.0)), point(8), point(10)]
         kept, wrong = without_wrong_control(graph(control))
@@ -147,7 +147,7 @@ def test_a_wrong_point_is_named_and_left_out_and_right_ones_are_not():
     rng = np.random.default_rng(8)
     control = [replace(point(k), known=point(k).known + 0.05 * rng.normal(size=3)) for k in PICKED]
     assert without_wrong_control(graph(control))[1] == ()
-    # of three points nothing tells which is wrong
+    # with three points, the wrong one cannot be identified
     kept, wrong = without_wrong_control(graph([point(0), point(4, off=(9.0, 0.0, 0.0)), point(8)]))
     assert (len(kept), wrong) == (3, ())
 
@@ -163,7 +163,7 @@ def test_a_wrong_point_is_named_and_left_out_and_right_ones_are_not():
         ({}, "control point names a pose"),
     ],
 )
-def test_points_refuse_what_makes_no_sense_and_graphs_those_of_no_pose(changes, words):
+def test_invalid_points_and_points_of_no_pose_are_refused(changes, words):
     with pytest.raises(InputError, match=words):
         PoseGraph(Trajectory(np.zeros(2), TRUTH[:2]), (), control=(replace(point(4), **changes),))
 
@@ -182,7 +182,7 @@ def test_attitudes_and_two_points_are_enough():
     assert alone.gauge.unmeasured[0].tolist() == [False, False, True, False, False, False]
 
 
-def test_points_on_a_line_leave_the_turn_about_it_open():
+def test_points_on_a_line_leave_the_rotation_about_it_unconstrained():
     line = np.linspace(0, 1, 3)[:, None] * [20.0, 6.0, 1.0] + T_WORLD.translation
     control = [
         ControlPoint(f"L{k}", k, TRUTH[k].inv().apply(place), place, np.full(3, 0.05))

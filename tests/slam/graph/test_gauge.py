@@ -1,4 +1,4 @@
-"""The gauge holds what measurements leave open, and nothing else: laws, on poses of a sonar that looks down."""
+"""The gauge holds unmeasured motions only: laws, on poses of a sonar that looks down."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def solved(truth: RigidTransform, *kinds: str, noise: float = 0.0) -> Solution:
 
 
 def tilts(T: RigidTransform, truth: RigidTransform) -> np.ndarray:
-    """(N,) how far the vertical is off [deg]."""
+    """(N,) errors of the vertical [deg]."""
     up, there = (each.rotation.inv().apply([0.0, 0.0, 1.0]) for each in (T, truth))
     return np.degrees(np.arccos(np.clip((up * there).sum(axis=1), -1, 1)))
 
@@ -63,7 +63,7 @@ def shape_error(T: RigidTransform, truth: RigidTransform) -> float:
         (["position", "depth"], []),
     ],
 )
-def test_what_was_measured_is_met_and_the_rest_alone_is_held(kinds: list[str], open_motions: list[str]) -> None:
+def test_only_unmeasured_motions_are_held(kinds: list[str], open_motions: list[str]) -> None:
     truth = orbit()
     solution = solved(truth, *kinds)
     flags = solution.graph.gauge.unmeasured.get(0, np.zeros(6, bool))
@@ -80,7 +80,7 @@ def test_what_was_measured_is_met_and_the_rest_alone_is_held(kinds: list[str], o
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kinds", [["position"], ["depth"], ["position", "depth"]])
-def test_errors_of_measurements_do_not_bend_what_registrations_know(kinds: list[str]) -> None:
+def test_errors_of_measurements_do_not_bend_the_map(kinds: list[str]) -> None:
     truth = orbit()
     solution = solved(truth, *kinds, noise=1.0)
     T = solution.trajectory.T_world_sensor
@@ -92,12 +92,12 @@ def test_errors_of_measurements_do_not_bend_what_registrations_know(kinds: list[
 @pytest.mark.parametrize("kinds", [["depth"], ["position"], ["attitude", "depth"]])
 @pytest.mark.quick_cases(1)
 def test_turning_and_moving_the_world_turns_and_moves_the_map(kinds: list[str]) -> None:
-    """About the vertical, as priors have errors along it: the shape, chi-squared and the open motions stay."""
+    """Turned about the vertical, to which priors' errors refer: shape, chi-squared and unconstrained motions stay."""
     T_other = RigidTransform.from_components([400.0, -90.0, 20.0], Rotation.from_euler("Z", 2.2))
     truth = orbit()
     here, there = (solved(T, *kinds) for T in (truth, T_other * truth))
     T_here, T_there = (each.trajectory.T_world_sensor for each in (here, there))
-    np.testing.assert_allclose(tilts(T_here, T_there), 0, atol=0.2)  # [deg]; held where the start ends
+    np.testing.assert_allclose(tilts(T_here, T_there), 0, atol=0.2)  # [deg]; held motions stay near the start
     assert shape_error(T_here, T_there) < 1e-3
     assert here.degrees_of_freedom == there.degrees_of_freedom
     ranks = ([motion.axes.shape for motion in each.graph.gauge.open_motions.values()] for each in (here, there))
@@ -105,8 +105,8 @@ def test_turning_and_moving_the_world_turns_and_moves_the_map(kinds: list[str]) 
 
 
 @pytest.mark.slow
-def test_a_straight_way_tells_no_roll() -> None:
-    """Positions and depths along a line leave the turn about it open, and the map is not turned over."""
+def test_a_straight_track_does_not_measure_roll() -> None:
+    """Positions and depths along a line leave the rotation about it unconstrained; the map is not turned over."""
     places = np.outer(np.arange(COUNT), [4.0, 1.0, 0.2])
     truth = RigidTransform.from_components(places, Rotation.from_euler("Z", np.full((COUNT, 1), 0.25)))
     solution = solved(truth, "position", "depth", noise=1.0)

@@ -1,4 +1,4 @@
-"""The joint covariance of all poses against marginals of one and two, by GTSAM."""
+"""The joint covariance of all poses compared with GTSAM's marginals of one and two poses."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def test_blocks_are_the_marginals_as_left_tangents() -> None:
     single = propagated(T, solution.covariances())
     np.testing.assert_allclose([joint[k, :, k] for k in range(COUNT)], single, rtol=1e-4, atol=1e-8)
     i, j = 2, 4
-    # T_i_j errs by the body tangent of j of the difference of both left tangents
+    # the error of T_i_j is the difference of both left tangents, as a body tangent of j
     apart = joint[i, :, i] + joint[j, :, j] - joint[i, :, j] - joint[j, :, i]
     np.testing.assert_allclose(propagated(T[j].inv(), apart), solution.relative(i, j)[1], rtol=1e-4, atol=1e-8)
     some = joint_covariance(solution.graph, [4, 1])

@@ -1,4 +1,4 @@
-"""How sure poses are: where registrations of one scan share its error, and marginals against the dense inverse."""
+"""Covariances of poses whose registrations share a scan's error, and marginals against the dense inverse."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ COUNT = 30
 
 
 def ring(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -> tuple[RigidTransform, PoseGraph]:
-    """A ring with loops, each scan with an error of its own that all its edges share."""
+    """A ring with loops; each scan has an error that all its edges share."""
     rng = np.random.default_rng(seed)
     truth = ring_poses(COUNT)
     shared = drawn(rng, scale**2 * COVARIANCE / 4, COUNT)
@@ -49,30 +49,30 @@ def ring(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -> 
     return truth, PoseGraph(start, tuple(edges)).optimize().graph
 
 
-def told(graph: PoseGraph) -> tuple[Solution, np.ndarray]:
-    """The graph solved as the mapper does, and its poses' covariances."""
+def solved(graph: PoseGraph) -> tuple[Solution, np.ndarray]:
+    """The solution of the graph as the mapper finds it, and the poses' covariances."""
     solution = weighed(graph).optimize()
     return solution, pose_covariances(solution)
 
 
 def edge_variances(graph: PoseGraph) -> np.ndarray:
-    """(E,) what the covariances of its edges are multiplied by."""
+    """(E,) factors by which `weighed` multiplies the covariances of edges."""
     pairs = zip(weighed(graph).edges, graph.edges, strict=True)
     return np.array([after.registration.covariance[3, 3] / edge.registration.covariance[3, 3] for after, edge in pairs])
 
 
 def normalized(truth: RigidTransform, T: RigidTransform, covariances: np.ndarray) -> np.ndarray:
-    """Squared errors of all poses but the first, against the first."""
+    """Squared Mahalanobis errors of all poses but the first, relative to the first."""
     xi = ((T[0].inv() * T).inv() * (truth[0].inv() * truth)).as_exp_coords()[1:]
     return np.einsum("na,na->n", xi, np.linalg.solve(covariances[1:], xi[..., None])[..., 0])
 
 
 @pytest.mark.slow
-def test_errors_that_scans_share_are_within_what_is_told_and_not_within_what_cycles_say():
+def test_covariances_hold_errors_that_scans_share():
     plain, wide = [], []
     for seed in range(12):
         truth, graph = ring(seed)
-        solution, covariances = told(graph)
+        solution, covariances = solved(graph)
         T = solution.trajectory.T_world_sensor
         plain.append(normalized(truth, T, solution.covariances() / 13))
         wide.append(normalized(truth, T, covariances))
@@ -81,8 +81,8 @@ def test_errors_that_scans_share_are_within_what_is_told_and_not_within_what_cyc
     assert np.concatenate(wide).mean() > 2
 
 
-def test_an_edge_that_the_others_contradict_is_less_sure():
-    """It leans by four standard deviations: too little to be refused, too much to be believed like the others."""
+def test_an_edge_that_others_contradict_gets_a_larger_covariance():
+    """It is off by four standard deviations: too little to be refused, too much to keep its weight."""
     _, graph = ring(3)
     before = edge_variances(graph)
     edges = list(graph.edges)
@@ -97,12 +97,12 @@ def test_an_edge_that_the_others_contradict_is_less_sure():
     assert np.median(after[others] / before[others]) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_measured_fix_is_as_sure_as_it_was_measured():
-    """Positions of two centimeters beside registrations of a decimeter."""
+def test_fixes_keep_their_sigmas():
+    """Positions to two centimeters beside registrations to a decimeter."""
     truth, graph = ring(5)
     sigmas = np.array([0.01, 0.01, 0.02, 0.02, 0.02, 0.02])
     measured = tuple((k, PosePrior(truth[k], sigmas)) for k in range(COUNT))
-    _, covariances = told(replace(graph, priors=measured))
+    _, covariances = solved(replace(graph, priors=measured))
     by_position = np.sqrt(np.diagonal(covariances[:, 3:, 3:], axis1=1, axis2=2))
     assert by_position.max() < 0.0205
     lone = PoseGraph(graph.trajectory, (), priors=measured)
@@ -110,30 +110,30 @@ def test_a_measured_fix_is_as_sure_as_it_was_measured():
     np.testing.assert_allclose(np.diagonal(alone, axis1=1, axis2=2)[:, 3:], 0.02**2, rtol=0.02)
 
 
-def test_what_is_not_measured_is_as_sure_as_without_instruments():
+def test_depths_do_not_shrink_the_covariances_of_rotations():
     truth, graph = ring(5)
     depth = tuple((k, PosePrior(truth[k], np.array([np.inf] * 5 + [0.001]))) for k in range(COUNT))
-    _, without = told(graph)
-    solution, with_depth = told(replace(graph, priors=depth))
+    _, without = solved(graph)
+    solution, with_depth = solved(replace(graph, priors=depth))
     up = np.array([T.rotation.inv().apply([0, 0, 1.0]) for T in solution.trajectory.T_world_sensor])
     variance = np.einsum("na,nab,nb->n", up, with_depth[:, 3:, 3:], up)
     assert variance.max() < 1.1 * 0.001**2
     assert np.trace(with_depth[-1, :3, :3]) > 0.1 * np.trace(without[-1, :3, :3])
 
 
-def test_they_are_positive_definite_and_do_not_depend_on_where_the_world_is():
+def test_covariances_are_positive_definite_and_the_same_in_any_world():
     world = RigidTransform.from_exp_coords([0.4, -0.2, 2.0, 30, -70, 5])
-    here, there = (told(ring(4, world=T)[1])[1] for T in (None, world))
+    here, there = (solved(ring(4, world=T)[1])[1] for T in (None, world))
     np.testing.assert_allclose(here[1:], there[1:], rtol=1e-2, atol=1e-8)
     assert (np.linalg.eigvalsh(here[1:]) > 0).all()
     np.testing.assert_allclose(here, here.swapaxes(1, 2), atol=1e-12)
 
 
-TOLERANCE = 1e-6  # of the largest element, which the inversion of a gauge held a million times better leaves
+TOLERANCE = 1e-6  # of the largest element; the inversion loses digits, as the gauge is held a million times better
 
 
 def random_graph(seed: int) -> PoseGraph:
-    """1 to 40 poses, each joined to an earlier one or, seldom, to none; and up to twice as many loops."""
+    """1 to 40 poses, most of them joined to an earlier one, and up to twice as many loops."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 41))
     pairs = [(int(rng.integers(0, k)), k) for k in range(1, count) if rng.random() > 0.05]
@@ -148,8 +148,8 @@ def measured(rng: np.random.Generator, T: RigidTransform, i: int, j: int) -> Edg
     return edge(i, j, T[i].inv() * T[j], random_covariance(rng), "sequential" if j == i + 1 else "loop")
 
 
-def asked(graph: PoseGraph, rng: np.random.Generator) -> np.ndarray:
-    """Pairs anywhere, in both orders, twice, and of edges."""
+def some_pairs(graph: PoseGraph, rng: np.random.Generator) -> np.ndarray:
+    """Random pairs, some reversed and some repeated, and pairs of edges."""
     count = len(graph.trajectory)
     if count == 1:
         return np.empty((0, 2), np.intp)
@@ -159,7 +159,7 @@ def asked(graph: PoseGraph, rng: np.random.Generator) -> np.ndarray:
 
 
 def close(found: Marginals, pairs: np.ndarray, full: np.ndarray) -> None:
-    """Against the (N, N, 6, 6) blocks of the whole covariance."""
+    """Compare with the (N, N, 6, 6) blocks of the whole covariance."""
     largest = np.abs(full).max()
     every = np.arange(len(full))
     np.testing.assert_allclose(found.single, full[every, every], atol=TOLERANCE * largest)
@@ -167,9 +167,9 @@ def close(found: Marginals, pairs: np.ndarray, full: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_they_are_blocks_of_the_dense_inverse(seed: int) -> None:
+def test_marginals_are_blocks_of_the_dense_inverse(seed: int) -> None:
     graph = random_graph(seed)
-    pairs, count = asked(graph, np.random.default_rng(seed)), len(graph.trajectory)
+    pairs, count = some_pairs(graph, np.random.default_rng(seed)), len(graph.trajectory)
     linear = factors_of(graph, gauge_sigma=1e-2).linearize(to_values(graph.trajectory.T_world_sensor))
     ordering = gtsam.Ordering()
     for key in range(count):
@@ -178,11 +178,11 @@ def test_they_are_blocks_of_the_dense_inverse(seed: int) -> None:
     close(marginals(linear, pairs), pairs, full.reshape(count, 6, count, 6).swapaxes(1, 2))
 
 
-def test_a_graph_that_does_not_tell_every_pose_is_refused() -> None:
+def test_a_graph_without_a_unique_solution_is_refused() -> None:
     rng = np.random.default_rng(0)
     T = random_transforms(rng, 4)
     graph = PoseGraph(Trajectory(np.arange(4.0), T), (measured(rng, T, 0, 1), measured(rng, T, 2, 3)))
-    # without what holds the second part
+    # without the factor that holds the second component
     factors = factors_of(graph)
     loose = gtsam.NonlinearFactorGraph()
     for k in range(factors.size() - 1):
@@ -196,24 +196,24 @@ def test_a_graph_that_does_not_tell_every_pose_is_refused() -> None:
         solution.covariances()
 
 
-def test_a_graph_without_loops_is_given_what_is_expected():
+def test_a_graph_without_loops_gets_the_expected_covariances():
     truth = ring_poses(5)
     edges = chain_edges(truth, COVARIANCE)
     graph = chained_graph(edges, 5)
     np.testing.assert_allclose(edge_variances(graph), 13 * 0.15)
-    _, covariances = told(graph)
-    told_of_1 = 13 * 0.15 * COVARIANCE
-    # beside the one edge the way may be too short, as all ways may be, by a seventh of a step's standard deviation
+    _, covariances = solved(graph)
+    expected = 13 * 0.15 * COVARIANCE
+    # plus the common scale error of all steps, a seventh of a step's standard deviation
     steps = [each.registration.T_target_source for each in edges]
     ways = [T.rotation.inv().apply(T.translation) for T in steps]
     short = [way @ (13 * 0.15 * COVARIANCE[3:, 3:]) @ way / (way @ way) ** 2 for way in ways]
-    told_of_1[3:, 3:] += 0.02 * np.median(short) * np.outer(ways[0], ways[0])
-    np.testing.assert_allclose(covariances[1], told_of_1, rtol=2e-3, atol=1e-9)
+    expected[3:, 3:] += 0.02 * np.median(short) * np.outer(ways[0], ways[0])
+    np.testing.assert_allclose(covariances[1], expected, rtol=2e-3, atol=1e-9)
 
 
-def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
-    """At a lane's end the vehicle went 4 m less than it usually does: a doubt in the scans alone would let the motion
-    draw it farther, which is doubted the more."""
+def test_a_step_that_the_motion_pulled_off_is_doubted_as_a_whole():
+    """At a lane's end the vehicle went 4 m less than usual. If the scans alone were doubted, the motion would pull the
+    step even farther."""
     _, graph = ring(3)
     edges = list(graph.edges)
     k = next(n for n, each in enumerate(edges) if (each.i, each.j) == (4, 5))
@@ -229,28 +229,28 @@ def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
     )
     loose = replace(drawn, T_target_source=drawn.T_target_source * RigidTransform.from_translation([0.1, 0.0, 0.0]))
     edges[k] = replace(edges[k], registration=loose)
-    told_edge = weighed(replace(graph, edges=tuple(edges))).edges[k].registration
-    assert told_edge.covariance[3, 3] > 10 * drawn.covariance[3, 3]
+    weighed_edge = weighed(replace(graph, edges=tuple(edges))).edges[k].registration
+    assert weighed_edge.covariance[3, 3] > 10 * drawn.covariance[3, 3]
 
     def drawn_by(registration: Registration) -> float:
         return float(np.linalg.norm((by_scans.T_target_source.inv() * registration.T_target_source).translation))
 
-    assert drawn_by(told_edge) < 1.0
+    assert drawn_by(weighed_edge) < 1.0
     assert drawn_by(scaled([edges[k]], 1000.0)[0].registration) > 3.0
 
 
 @pytest.mark.slow
-def test_larger_errors_are_told_by_chi_squared_however_wide_covariances_were_stated():
-    """One sonar's registrations are a third as far off as stated: with loops enough its poses are the surer."""
+def test_chi_squared_scales_covariances_whatever_was_stated():
+    """One sonar's registrations are a third as far off as stated: with many loops its poses are more certain."""
     factors = [np.median(edge_variances(ring(3, scale)[1])) for scale in (0.5, 1.0, 2.0)]
     assert factors[0] < factors[1] < factors[2]
     _, graph = ring(3)
-    first, second = (np.diagonal(told(each)[1], axis1=1, axis2=2)[1:] for each in (graph, graph.scaled(10.0)))
+    first, second = (np.diagonal(solved(each)[1], axis1=1, axis2=2)[1:] for each in (graph, graph.scaled(10.0)))
     assert (second < 1.5 * first).all()
 
 
-def test_steps_over_a_bed_that_leaves_three_directions_open_are_weighed():
-    """They alone fix no pose well enough for GTSAM's covariances; what closes no cycle needs none."""
+def test_steps_with_three_unconstrained_directions_are_weighed():
+    """They fix no pose well enough for GTSAM's covariances, which edges outside of cycles do not need."""
     rng = np.random.default_rng(2)
     at_bed = np.diag([0.003, 0.003, 2.0, 60.0, 60.0, 0.01]) ** 2
     truth = ring_poses(40)
@@ -262,20 +262,20 @@ def test_steps_over_a_bed_that_leaves_three_directions_open_are_weighed():
 
 
 @pytest.mark.slow
-def test_ways_fall_short_from_where_a_component_is_held():
-    """From its first pose, where instruments leave the place open; in the world from its middle."""
+def test_scale_errors_grow_from_where_a_component_is_held():
+    """From its first pose if positions are not measured, else from its middle."""
     truth, graph = ring(5)
     open_place = np.array([0.01, 0.01, np.inf, np.inf, np.inf, 0.05])
     everything = np.array([0.01, 0.01, 0.02, 3.0, 3.0, 0.05])
     for sigmas, middle in ((open_place, 0), (everything, None)):
         priors = tuple((k, PosePrior(truth[k], sigmas)) for k in range(COUNT))
-        solution, covariances = told(replace(graph, priors=priors))
+        solution, covariances = solved(replace(graph, priors=priors))
         T = solution.trajectory.T_world_sensor
         held = T.translation.mean(axis=0) if middle is None else T.translation[middle]
         away = T.translation - held
         turn = np.asarray(T.rotation.as_matrix())
         added = turn @ (covariances - solution.covariances())[:, 3:, 3:] @ turn.swapaxes(1, 2)
-        # level, as depths are measured; what positions of 3 m take back is little
+        # horizontal, as depths are measured; positions to 3 m correct little
         squared = (away[:, :2] ** 2).sum(axis=1)
         far = squared > squared.mean() / 2
         shares = np.trace(added[far, :2, :2], axis1=1, axis2=2) / squared[far]
@@ -283,7 +283,7 @@ def test_ways_fall_short_from_where_a_component_is_held():
         assert shares.max() < 1.3 * shares.min()
 
 
-def test_what_is_surely_beyond_the_most_is_told_so_and_the_rest_exactly() -> None:
+def test_distances_are_exact_or_infinite_beyond_the_limit() -> None:
     rng = np.random.default_rng(1)
     T, graph = lawnmower(120, 1.0, 1)
     pairs = np.array([rng.choice(120, 2, replace=False) for _ in range(40)])

@@ -57,7 +57,7 @@ def test_covariance_of_a_chain_agrees_with_monte_carlo():
     np.testing.assert_allclose(relative / scale, predicted / scale, atol=1e-4)
 
 
-def test_loops_lower_the_error_and_the_covariances_hold_it():
+def test_loops_lower_the_error_and_covariances_match_it():
     errors, distances = {True: [], False: []}, []
     for seed in range(12):
         for loops in (True, False):
@@ -75,7 +75,7 @@ def test_loops_lower_the_error_and_the_covariances_hold_it():
     assert chi2(72).ppf(0.001) < sum(distances) < chi2(72).ppf(0.999)
 
 
-def test_every_component_is_tied_once():
+def test_every_component_has_one_anchor():
     rng = np.random.default_rng(6)
     T, covariance = random_transforms(rng, 6), random_covariance(rng)
     edges = (*chain_edges(T, covariance)[::2], edge(3, 3, T[3], covariance, "prior"))
@@ -89,7 +89,7 @@ def test_every_component_is_tied_once():
     np.testing.assert_allclose(solution.trajectory.T_world_sensor.as_matrix(), T.as_matrix(), atol=1e-8)
 
 
-def test_refuses_edges_and_fixed_poses_without_a_pose():
+def test_refuses_edges_and_fixed_poses_out_of_range():
     covariance, trajectory = np.eye(6), Trajectory(np.zeros(2), RigidTransform.identity(2))
     with pytest.raises(InputError, match="edge 1 -> 2"):
         PoseGraph(trajectory, (edge(1, 2, RigidTransform.identity(), covariance),))
@@ -109,7 +109,7 @@ def test_sphere2500_from_its_own_initial_estimate():
     assert solution.chi_squared_after == pytest.approx(1351.40192585, rel=1e-8)
 
 
-def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges():
+def test_the_optimum_moves_with_the_first_pose_whatever_the_order_of_edges():
     rng = np.random.default_rng(9)
     _, graph = ring_graph(12, rng, loops=True)
     moved = RigidTransform.from_exp_coords([0.3, -1.2, 0.7, 5, -8, 2])
@@ -121,7 +121,7 @@ def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges()
 
 
 @pytest.mark.parametrize("fixed", [(5,)])
-def test_the_start_from_the_edges_hears_no_pose_but_the_held(fixed):
+def test_the_start_from_edges_uses_only_the_held_poses(fixed):
     rng = np.random.default_rng(10)
     _, graph = ring_graph(12, rng, loops=True)
     solved = PoseGraph(graph.optimize().trajectory, graph.edges, fixed)
@@ -137,8 +137,8 @@ def test_the_start_from_the_edges_hears_no_pose_but_the_held(fixed):
 
 
 @pytest.mark.parametrize("open_m", [300.0, 1e5])
-def test_an_open_direction_stays_as_open_as_stated(open_m):
-    """Steps along a bare wall, open along the sensor's own last axis, where GTSAM meets the smallest pivot last."""
+def test_an_unconstrained_direction_keeps_its_stated_sigma(open_m):
+    """Steps along a bare wall, unconstrained along the sensor's last axis: GTSAM meets the smallest pivot last."""
     truth = random_transforms(np.random.default_rng(8), 6)
     covariance = np.diag([1e-3, 1e-3, 1e-3, 0.01, 0.01, open_m]) ** 2
     solution = chained_graph(chain_edges(truth, covariance), 6).optimize()
@@ -146,8 +146,8 @@ def test_an_open_direction_stays_as_open_as_stated(open_m):
 
 
 @pytest.mark.parametrize("count", [1, 10, 100])
-def test_open_directions_add_no_information(count):
-    """Odometry says 10 m along a wall; registrations see no motion, and leave the direction along it open."""
+def test_unconstrained_directions_add_no_information(count):
+    """Odometry says 10 m along a wall; registrations see no motion, and do not constrain it."""
     moved = edge(0, 1, RigidTransform.from_translation([10.0, 0, 0]), np.diag([0.01, 0.01, 0.01, 1, 0.1, 0.1]) ** 2)
     still = edge(0, 1, RigidTransform.identity(), np.diag([0.01, 0.01, 0.01, 400, 0.005, 0.005]) ** 2)
     solution = chained_graph([moved, *[still] * count], 2).optimize()
@@ -169,7 +169,7 @@ COVARIANCE = np.diag([1.0, 2, 3, 4, 5, 6]) * 1e-4
         (np.zeros(1), np.eye(4)[None]),
     ],
 )
-def test_refuses_what_is_no_trajectory(stamps, T):
+def test_refuses_invalid_trajectories(stamps, T):
     with pytest.raises(InputError):
         Trajectory(stamps, T)
 
@@ -179,10 +179,10 @@ def test_chain_follows_consecutive_edges_and_lets_loops_join_the_rest():
     wrong = random_transforms(np.random.default_rng(3), 1)[0]
     between = {(i, j): T[i].inv() * T[j] for i in range(5) for j in range(5)}
     edges = [
-        edge(0, 2, wrong, COVARIANCE, "loop"),  # closes a cycle: the chain has no use for it
+        edge(0, 2, wrong, COVARIANCE, "loop"),  # closes a cycle, so the chain does not use it
         edge(0, 1, between[0, 1], COVARIANCE),
         edge(1, 2, between[1, 2], COVARIANCE),
-        edge(4, 3, between[4, 3], COVARIANCE),  # a gap between 2 and 3, an edge told backward
+        edge(4, 3, between[4, 3], COVARIANCE),  # a gap between 2 and 3, an edge given backward
         edge(1, 4, between[1, 4], COVARIANCE, "loop"),
     ]
     chained = chain(edges, np.zeros(5)).T_world_sensor
@@ -199,7 +199,7 @@ def test_chain_follows_consecutive_edges_and_lets_loops_join_the_rest():
         (0, 1, "sequential", np.diag([1.0, 1, np.nan, 1, 1, 1]), "not finite"),
     ],
 )
-def test_edges_refuse_indices_kinds_and_covariances_that_do_not_fit(i, j, kind, covariance, words):
+def test_edges_refuse_invalid_indices_kinds_and_covariances(i, j, kind, covariance, words):
     with pytest.raises(InputError, match=words):
         edge(i, j, RigidTransform.identity(), covariance, kind)
 
@@ -232,7 +232,7 @@ def test_components_start_at_the_identity_or_at_their_prior():
 
 
 @pytest.mark.parametrize("pair", [(1, 2), (2, 1)])
-def test_relative_covariance_is_the_edge_s_own_in_either_direction(pair):
+def test_relative_covariance_is_that_of_the_edge_in_either_direction(pair):
     rng = np.random.default_rng(2)
     steps = random_transforms(rng, 3)
     covariance = random_covariance(rng)
@@ -260,7 +260,7 @@ def test_residuals_are_mahalanobis_lengths():
     np.testing.assert_allclose((solution.residuals**2).sum(), solution.chi_squared_after, rtol=1e-6)
 
 
-def test_tangents_are_those_of_gtsam():
+def test_tangents_agree_with_gtsam():
     rng = np.random.default_rng(0)
     T = random_transforms(rng, 1)[0]
     xi = rng.normal(size=6) * 0.7

@@ -1,4 +1,4 @@
-"""What instruments and files say of poses, in the graph: how it counts, and what none tells is held."""
+"""Priors of instruments and files in the graph: their weights, and the unmeasured motions, which are held."""
 
 from pathlib import Path
 
@@ -26,14 +26,14 @@ T_WORLD = RigidTransform.from_components([310.0, -45.0, -12.0], Rotation.from_eu
 
 
 def ring(count: int, seed: int = 0) -> tuple[RigidTransform, list[Edge]]:
-    """True poses somewhere in the world, and a chain of edges between them, with noise."""
+    """True poses in the world, and a chain of noisy edges between them."""
     truth = T_WORLD * ring_poses(count)
     rng = np.random.default_rng(seed)
     covariance = random_covariance(rng, 0.004, 0.03)
     return truth, chain_edges(truth, covariance, drawn(rng, covariance, count - 1))
 
 
-def told(T: RigidTransform, *known: str) -> PosePrior:
+def prior_of(T: RigidTransform, *known: str) -> PosePrior:
     """A prior without an error, of attitude, heading, position or depth."""
     names = ("attitude", "attitude", "heading", "position", "position", "depth")
     return PosePrior(T, np.where([name in known for name in names], SIGMAS, np.inf))
@@ -44,13 +44,13 @@ def graph(edges: list[Edge], priors: dict[int, PosePrior], count: int) -> PoseGr
     return PoseGraph(start, tuple(edges), priors=tuple(priors.items()))
 
 
-def test_an_unmeasured_heading_has_no_say():
-    """The tilt that is measured counts alike, whatever turn about the vertical the prior's pose holds."""
+def test_an_unmeasured_heading_does_not_count():
+    """The measured tilt counts the same, whatever heading the prior's pose has."""
     truth, edges = ring(5)
     results = []
     for turn in (0.0, 1.7):
         turned = RigidTransform.from_rotation(Rotation.from_euler("Z", turn)) * truth
-        priors = {k: told(turned[k], "attitude", "position", "depth") for k in range(5)}
+        priors = {k: prior_of(turned[k], "attitude", "position", "depth") for k in range(5)}
         priors = {
             k: PosePrior(RigidTransform.from_components(truth[k].translation, p.T_world_sensor.rotation), p.sigmas)
             for k, p in priors.items()
@@ -61,15 +61,15 @@ def test_an_unmeasured_heading_has_no_say():
     assert results[0].chi_squared_after == pytest.approx(results[1].chi_squared_after, rel=1e-3)
 
 
-def test_priors_bring_the_chain_into_the_world_and_make_it_sure():
+def test_priors_place_a_chain_in_the_world_and_lower_its_covariances():
     truth, edges = ring(12)
     bare = chained_graph(edges, 12).optimize()
-    priors = {k: told(truth[k], "attitude", "heading", "depth", "position") for k in range(12)}
+    priors = {k: prior_of(truth[k], "attitude", "heading", "depth", "position") for k in range(12)}
     solution = graph(edges, priors, 12).optimize()
     off = solution.trajectory.T_world_sensor.translation - truth.translation
     assert np.abs(off).max() < 0.3
     assert np.abs(off[:, 2]).max() < 0.05
-    # the chain's last pose is surer with every scan's depth and attitude known
+    # depths and attitudes of all scans make the last pose more certain
     assert solution.covariances()[-1, 0, 0] < bare.covariances()[-1, 0, 0]
 
 
@@ -77,7 +77,7 @@ def test_a_chain_is_placed_by_headings_or_by_positions():
     truth, _ = ring(8)
     part = Trajectory(np.zeros(8), truth[0].inv() * truth)
     for known in (("attitude", "heading", "position", "depth"), ("attitude", "position", "depth")):
-        priors = {k: told(truth[k], *known) for k in (1, 4, 6)}
+        priors = {k: prior_of(truth[k], *known) for k in (1, 4, 6)}
         placed = place_in_world(part, [range(8)], priors)
         np.testing.assert_allclose((truth.inv() * placed.T_world_sensor).as_exp_coords(), 0, atol=1e-9)
     untouched = place_in_world(part, [range(8)], {})
@@ -94,7 +94,7 @@ def semidefinite(size: int, rank: int, seed: int) -> np.ndarray:
 
 
 def moved(off: np.ndarray) -> RigidTransform:
-    """T turned and shifted in its own axes."""
+    """T_KNOWN turned and shifted in its own axes."""
     R = T_KNOWN.rotation
     return RigidTransform.from_components(T_KNOWN.translation + R.apply(off[3:]), R * Rotation.from_rotvec(off[:3]))
 
@@ -105,7 +105,7 @@ def squared(known: KnownPose, at: RigidTransform) -> float:
 
 
 @pytest.mark.parametrize(("turns", "shifts"), [(3, 3), (2, 1), (0, 2)])
-def test_it_counts_as_its_information_says(turns: int, shifts: int) -> None:
+def test_a_known_pose_counts_by_its_information(turns: int, shifts: int) -> None:
     information = blocks(semidefinite(3, turns, 1), semidefinite(3, shifts, 2))
     known = KnownPose(0, T_KNOWN, information)
     assert known.rank == turns + shifts
@@ -119,7 +119,7 @@ def test_it_counts_as_its_information_says(turns: int, shifts: int) -> None:
         (np.full((6, 6), np.nan), "not finite"),
     ],
 )
-def test_what_is_no_information_is_refused(information: np.ndarray, words: str) -> None:
+def test_invalid_information_is_refused(information: np.ndarray, words: str) -> None:
     with pytest.raises(InputError, match=words):
         KnownPose(0, T_KNOWN, information)
 
@@ -127,28 +127,28 @@ def test_what_is_no_information_is_refused(information: np.ndarray, words: str) 
 @pytest.mark.parametrize(
     ("diagonal", "free"), [([1, 1, 1, 1, 1, 1], 0), ([1, 1, 0, 0, 0, 1], 3), ([0, 0, 0, 1, 1, 1], 3)]
 )
-def test_what_one_pose_leaves_open_is_held(diagonal: list[float], free: int) -> None:
+def test_motions_that_one_pose_leaves_unconstrained_are_held(diagonal: list[float], free: int) -> None:
     truth, _ = ring(6)
     known = KnownPose(2, truth[2], 1e4 * np.diag(diagonal))
     assert open_axes([known], truth) == free
-    # shifts of three poses leave nothing open
+    # positions of three poses constrain all motions
     known = [KnownPose(k, truth[k], np.diag([0.0, 0, 0, 1, 1, 1])) for k in (0, 2, 4)]
     assert open_axes(known, truth) == 0
 
 
 def open_axes(known: list[KnownPose], T: RigidTransform) -> int:
-    """How many motions of all poses are open."""
+    """Number of unconstrained motions of all poses."""
     motion = MotionInformation.of(T, {}, known).open_motion(range(len(T)))
     assert motion is not None
     return motion.axes.shape[1]
 
 
 @pytest.mark.parametrize("measured", [("attitude", "depth"), ("position", "heading")])
-def test_the_file_of_a_graph_gives_its_poses(measured: tuple[str, ...], tmp_path: Path) -> None:
+def test_the_file_of_a_graph_reproduces_its_poses(measured: tuple[str, ...], tmp_path: Path) -> None:
     truth, edges = ring(12, seed=4)
     rng = np.random.default_rng(5)
     shifted = [RigidTransform.from_translation(rng.normal(0, 0.3, 3)) * truth[k] for k in range(12)]
-    solved = graph(edges, {k: told(shifted[k], *measured) for k in range(0, 12, 2)}, 12).optimize()
+    solved = graph(edges, {k: prior_of(shifted[k], *measured) for k in range(0, 12, 2)}, 12).optimize()
     for _ in range(3):
         solved = solved.graph.optimize()
     write_g2o(tmp_path / "graph.g2o", solved.graph)
@@ -161,7 +161,7 @@ def test_the_file_of_a_graph_gives_its_poses(measured: tuple[str, ...], tmp_path
     assert again.degrees_of_freedom == solved.degrees_of_freedom
 
 
-def test_poses_that_nothing_places_are_no_vertices(tmp_path: Path) -> None:
+def test_left_out_poses_are_no_vertices(tmp_path: Path) -> None:
     _, edges = ring(5)
     whole = graph(edges[:3], {}, 5)
     write_g2o(tmp_path / "graph.g2o", whole, left_out={4})
@@ -174,7 +174,7 @@ def test_poses_that_nothing_places_are_no_vertices(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("head", ["EDGE_SE3_PRIOR 3 9", "EDGE_SE3_PRIOR:QUAT 3 3", "EDGE_SE3_PRIOR:QUAT 3"])
-def test_priors_of_other_programs_count_alike(head: str, tmp_path: Path) -> None:
+def test_priors_of_other_programs_count_the_same(head: str, tmp_path: Path) -> None:
     """With or without the number of an offset: pose, then information, translation first, about the pose's own axes."""
     information, order = semidefinite(6, 6, 3), [3, 4, 5, 0, 1, 2]
     upper = information[np.ix_(order, order)][np.triu_indices(6)]
@@ -209,8 +209,8 @@ def test_faulty_lines_are_named(lines: list[str], words: str, tmp_path: Path) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_a_vehicle_that_hardly_moves_is_about_level(seed):
-    """Positions of 3 m along a line of 2.5 m would tell any roll: it is open, and as it was."""
+def test_a_vehicle_that_hardly_moves_stays_about_level(seed):
+    """Positions to 3 m along a line of 2.5 m would give any roll: it is unconstrained, and stays as it was."""
     leveled = RigidTransform.from_components(0.5 * np.outer(np.arange(6), [1.0, 0.3, 0.05]), Rotation.identity(6))
     truth = RigidTransform.from_rotation(Rotation.from_euler("ZYX", [2.1, 0.05, -0.05])) * leveled
     edges = chain_edges(truth, 1e-6 * np.eye(6))
@@ -234,7 +234,7 @@ def test_coupled_turns_and_shifts_count_too() -> None:
 
 @pytest.mark.parametrize("row", range(6))
 def test_each_error_counts_with_its_own_sigma(row):
-    """One pose alone, held against another prior far tighter: chi-squared is the error over its sigma, squared."""
+    """A fixed pose with a prior: chi-squared is the error over its sigma, squared."""
     measured = T_WORLD
     off = np.zeros(6)
     off[row] = 0.3 * SIGMAS[row]
@@ -257,13 +257,13 @@ def test_each_error_counts_with_its_own_sigma(row):
         (("position", "depth"), 0),
     ],
 )
-def test_what_no_instrument_tells_is_held(known, free):
+def test_unmeasured_motions_are_held(known, free):
     truth, edges = ring(6)
-    priors = {k: told(truth[k], *known) for k in (0, 2, 3, 5)}
-    one = graph(edges, priors, 6)
-    assert sum(motion.axes.shape[1] for motion in one.gauge.open_motions.values()) == free
-    assert one.anchors == ()
-    solution = one.optimize()
+    priors = {k: prior_of(truth[k], *known) for k in (0, 2, 3, 5)}
+    whole = graph(edges, priors, 6)
+    assert sum(motion.axes.shape[1] for motion in whole.gauge.open_motions.values()) == free
+    assert whole.anchors == ()
+    solution = whole.optimize()
     measured = 30 + 4 * sum({"attitude": 2, "heading": 1, "position": 2, "depth": 1}[name] for name in known)
     assert solution.degrees_of_freedom == measured - (36 - free)
     assert solution.chi_squared_after <= solution.chi_squared_before

@@ -16,7 +16,7 @@ def poses(rng: np.random.Generator, count: int) -> RigidTransform:
 
 
 def graph(rng: np.random.Generator, T: RigidTransform, pairs: list[tuple[int, int]], noise: float) -> list[Edge]:
-    """Edges between poses, each with a covariance of its own and `noise` of its deviations."""
+    """Edges between poses, each with its own covariance and an error of `noise` standard deviations."""
     edges = []
     for i, j in pairs:
         root = rng.normal(0, 0.05, (6, 6)) + np.diag([0.05, 0.07, 0.06, 0.2, 0.3, 0.4])
@@ -57,7 +57,7 @@ def test_a_prior_is_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_a_noisy_graph_is_certified_from_any_poses_and_no_step_lowers_it(seed: int) -> None:
+def test_a_noisy_graph_is_certified_from_any_start_and_no_step_lowers_its_cost(seed: int) -> None:
     rng = np.random.default_rng(seed)
     true = poses(rng, 15)
     problem = ChordalProblem.of(15, graph(rng, true, ring(15, (0, 7), (3, 11), (5, 13)), 1.0))
@@ -83,8 +83,8 @@ def wound(count: int, turns: float) -> RigidTransform:
     return RigidTransform.from_components(places, Rotation.from_euler("Z", ((1 + turns) * angles)[:, None]))
 
 
-def test_a_wound_up_ring_rests_and_is_not_certified() -> None:
-    """Rotations that wind once more about the vertical than measured: a local optimum (FINDINGS of the study)."""
+def test_a_wound_ring_stays_in_a_local_optimum_and_is_not_certified() -> None:
+    """Rotations that wind once more about the vertical than measured: a local optimum."""
     true = wound(40, 0)
     edges = [edge(i, j, true[i].inv() * true[j], np.diag([1e-4, 1e-4, 1e-4, 1e4, 1e4, 1e4])) for i, j in ring(40)]
     problem = ChordalProblem.of(40, edges)
@@ -100,7 +100,7 @@ def test_a_wound_up_ring_rests_and_is_not_certified() -> None:
 
 
 @pytest.mark.parametrize("start", ["chordal", "given"])
-def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges(start: Start) -> None:
+def test_the_optimum_moves_with_the_first_pose_whatever_the_order_of_edges(start: Start) -> None:
     rng = np.random.default_rng(6)
     true = poses(rng, 10)
     edges = graph(rng, true, ring(10, (0, 5), (7, 2)), 1.0)
