@@ -1,4 +1,4 @@
-"""Which pairs are registered without priors, and what they show of instruments that err more than they say."""
+"""Pairs registered without priors, and the underestimated sigmas of instruments that they show."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ TIGHT = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
 
 
 def priors(times: Sequence[float], seed: int = 3, known: Sequence[bool] = (True,) * 6) -> dict[int, PosePrior]:
-    """That err so many times as much as they say."""
+    """Priors whose errors are `times` as large as their sigmas."""
     rng = np.random.default_rng(seed)
     measured = {}
     for k in range(COUNT):
@@ -34,7 +34,7 @@ def priors(times: Sequence[float], seed: int = 3, known: Sequence[bool] = (True,
 PAIRS = [step_pair(k, TRUTH[k].inv() * TRUTH[k + 1], TIGHT) for k in range(COUNT - 1)]
 
 
-def test_instruments_that_err_more_than_they_say_are_measured() -> None:
+def test_underestimated_sigmas_are_measured() -> None:
     seed = 0
     assert errors_shown(PAIRS, priors([1] * 6, seed)) == {}
     shown = errors_shown(PAIRS, priors([5, 5, 4, 9, 9, 6], seed))
@@ -48,33 +48,33 @@ def test_instruments_that_err_more_than_they_say_are_measured() -> None:
 
 
 class Truthful:
-    """Registers scans by the truth, and remembers which."""
+    """Registers scans by the truth, and records the pairs."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[int, int]] = []
+        self.registered: list[tuple[int, int]] = []
 
     def prepare(self, scan: Scan) -> int:
         assert scan.prior is None
         return int(scan.stamp)
 
     def register(self, target: int, source: int) -> Registration:
-        self.asked.append((target, source))
+        self.registered.append((target, source))
         T: RigidTransform = TRUTH[target].inv() * TRUTH[source]
         return Registration(T, TIGHT, psr=9.0, overlap=0.8, accepted=source != 20, seconds=0.0, reason="")
 
 
-def test_few_pairs_are_asked_and_only_those_with_priors_of_one_survey() -> None:
+def test_few_pairs_are_registered_and_only_with_priors_within_a_survey() -> None:
     measured, registrar = priors([1] * 6), Truthful()
     points = np.random.default_rng(0).random((COUNT, 1, 3), np.float32)
     scans = [Scan(points[k], stamp=float(k), prior=measured[k], name=f"s{k}") for k in range(COUNT)]
     runner = PairRunner(Execution.here(registrar, 2), scans, 0, None)
     one = np.zeros(COUNT, np.intp)
     pairs = register_freely(runner, scans, one)
-    assert 8 <= len(registrar.asked) <= 16
-    assert [pair.scans for pair in pairs] == [scans for scans in registrar.asked if scans[1] != 20]
-    assert all(j == i + 1 for i, j in registrar.asked)
+    assert 8 <= len(registrar.registered) <= 16
+    assert [pair.scans for pair in pairs] == [scans for scans in registrar.registered if scans[1] != 20]
+    assert all(j == i + 1 for i, j in registrar.registered)
     bare = [replace(scan, prior=None) for scan in scans]
-    registrar.asked.clear()
+    registrar.registered.clear()
     for given, surveys in ((scans[:5], one), (bare, one), (scans, np.arange(COUNT))):
         assert register_freely(runner, given, surveys) == []
-    assert registrar.asked == []
+    assert registrar.registered == []

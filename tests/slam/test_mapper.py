@@ -48,7 +48,7 @@ def raising(fault: BaseException) -> Callable[[int, int, Registration], Registra
 
 
 def error(result: SurveyResult, truth: RigidTransform) -> float:
-    """Of the positions [m]; the truth begins at the identity, as components do."""
+    """Error of the positions [m]; the truth begins at the identity, as components do."""
     return position_error(result.trajectory.T_world_sensor, truth)
 
 
@@ -60,7 +60,7 @@ def tried(result: SurveyResult, role: str) -> list[Pair]:
     return [pair for pair in result.pairs if pair.role == role]
 
 
-def test_a_chain_without_loops_is_the_chain():
+def test_without_loops_the_result_is_the_chain():
     truth = ring_poses(8, turns=0.4)
     scans = scans_of(truth)
     registrar = KnowingRegistrar(truth, COVARIANCE)
@@ -80,8 +80,8 @@ def test_a_chain_without_loops_is_the_chain():
 
 def test_loops_close_a_ring_and_few_prepared_scans_are_held():
     truth = ring_poses(20)
-    registrar, said = KnowingRegistrar(truth, 4 * COVARIANCE), list[tuple[int, int, str]]()
-    result = Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth), lambda *told: said.append(told))
+    registrar, log = KnowingRegistrar(truth, 4 * COVARIANCE), list[tuple[int, int, str]]()
+    result = Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth), lambda *args: log.append(args))
     steps = [edge for edge in result.edges if edge.kind == "sequential"]
     assert error(result, truth) < 0.7 * position_error(chain(steps, np.zeros(20)).T_world_sensor, truth)
     loops = tried(result, "loop")
@@ -93,9 +93,9 @@ def test_loops_close_a_ring_and_few_prepared_scans_are_held():
     assert registrar.most_alive <= 4
     assert registrar.alive == 0
     assert max(registrar.prepared.values()) <= 6
-    assert [done for done, _, _ in said] == list(range(1, len(result.pairs) + 3))
-    assert all(done <= total for done, total, _ in said)
-    assert said[-1][0] == said[-1][1]
+    assert [done for done, _, _ in log] == list(range(1, len(result.pairs) + 3))
+    assert all(done <= total for done, total, _ in log)
+    assert log[-1][0] == log[-1][1]
 
 
 def test_an_unusable_scan_is_bridged_and_stays_apart():
@@ -106,7 +106,7 @@ def test_an_unusable_scan_is_bridged_and_stays_apart():
     assert result.components == ((0, 1, 2, 3, 5, 6, 7, 8, 9), (4,))
     assert [(pair.i, pair.j) for pair in tried(result, "bridge") if pair.kept] == [(3, 5)]
     assert "scan4: it is of no use" in next(pair.reason for pair in result.pairs if pair.i == 4)
-    # The pose of the scan that stands alone is its own origin, and its map is its own points.
+    # The scan that stands alone is at the origin, and its map has only its own points.
     np.testing.assert_allclose(result.trajectory.T_world_sensor[4].as_matrix(), np.eye(4), atol=1e-9)
     assert set(result.maps[1].scan.tolist()) == {4}
     assert 4 not in result.maps[0].scan
@@ -136,8 +136,8 @@ def test_all_pairs_failing_is_an_error_but_all_refused_is_a_result():
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("fault", [DeviceError("this needs 9 GiB"), KeyboardInterrupt("stopped")])
-def test_a_machine_that_fails_is_no_pair_that_fails_and_the_prepared_scans_are_released(fault: BaseException) -> None:
-    """Else a map would depend on what else the machine had to do, and a notebook had no device memory left."""
+def test_a_device_error_stops_the_survey_and_releases_prepared_scans(fault: BaseException) -> None:
+    """Else a map would depend on the machine's load, and a notebook would run out of device memory."""
     truth, released = ring_poses(3, turns=0.1), list[bool]()
 
     class Noted(Worker):
@@ -160,7 +160,7 @@ def test_a_machine_that_fails_is_no_pair_that_fails_and_the_prepared_scans_are_r
         (lambda: LoopSettings(most_rounds=1), "most_rounds 1: wanted at least the 2 of rounds"),
     ],
 )
-def test_what_makes_no_sense_is_refused(make, words):
+def test_invalid_input_is_refused(make, words):
     with pytest.raises(InputError, match=words):
         make()
 
@@ -181,8 +181,8 @@ def test_candidates_spread_and_skip_joined_pairs():
         assert index + 1 not in partners
 
 
-def test_later_rounds_seek_only_what_the_estimate_knows_no_better_than_registrations():
-    """The ends of a chain that closes no loop are unsure of each other; with many loops nothing is left to gain."""
+def test_later_rounds_try_only_uncertain_pairs():
+    """The ends of an open chain are uncertain relative to each other; with many loops there is nothing to gain."""
     truth = ring_poses(24)
     scans = scans_of(truth)
     settings = LoopSettings()
@@ -200,7 +200,7 @@ SIGMAS = np.array([0.02, 0.02, 0.03, 0.6, 0.6, 0.1])
 
 
 def in_world(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, seed: int = 1) -> list[Scan]:
-    """Scans with priors that err as their sigmas say."""
+    """Scans with priors whose errors match their sigmas."""
     rng = np.random.default_rng(seed)
     priors = [
         RigidTransform.from_components(T.translation + rng.normal(0, np.minimum(sigmas[3:], 9.0)), T.rotation)
@@ -223,14 +223,14 @@ def placed(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, settings: MapperS
 
 
 @pytest.mark.slow
-def test_two_halves_that_nothing_joins_share_one_map(truth: RigidTransform) -> None:
+def test_navigation_joins_two_halves_without_registrations(truth: RigidTransform) -> None:
     result = placed(truth)
     assert result.components == (tuple(range(9)),)
     assert result.gaps == ((3, 4),)
     assert result.by_navigation == ()
     assert set(result.maps[0].scan.tolist()) == set(range(9))
     assert error(result, truth) < 0.5
-    # pairs between them are tried as loops where they are no bridges: navigation says that they overlap
+    # without bridges, pairs between them are tried as loops: navigation expects them to overlap
     tried = placed(truth, settings=MapperSettings(bridge=1)).pairs
     assert any(pair.role == "loop" and pair.i <= 3 < pair.j for pair in tried)
     unknown = np.where([False, False, False, True, True, False], np.inf, SIGMAS)
@@ -238,7 +238,7 @@ def test_two_halves_that_nothing_joins_share_one_map(truth: RigidTransform) -> N
 
 
 @pytest.mark.slow
-def test_the_only_registration_between_two_parts_may_be_wrong_where_navigation_contradicts_it(
+def test_navigation_refuses_the_only_registration_between_two_parts(
     truth: RigidTransform,
 ) -> None:
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -253,7 +253,7 @@ def test_the_only_registration_between_two_parts_may_be_wrong_where_navigation_c
 
 
 @pytest.mark.slow
-def test_a_covariance_that_is_none_fails_its_pair():
+def test_an_invalid_covariance_fails_its_pair():
     truth = ring_poses(4, turns=0.2)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -265,7 +265,7 @@ def test_a_covariance_that_is_none_fails_its_pair():
 
 
 @pytest.mark.slow
-def test_a_scan_that_nothing_joins_lies_where_its_instruments_say() -> None:
+def test_a_scan_without_registrations_lies_at_its_prior() -> None:
     truth = ring_poses(10, turns=0.5)
     scans = in_world(truth)
     result = Mapper(KnowingRegistrar(truth, COVARIANCE, broken=("scan4",)), VOXEL).run(scans)
@@ -279,14 +279,14 @@ def test_a_scan_that_nothing_joins_lies_where_its_instruments_say() -> None:
 
 
 @pytest.mark.slow
-def test_holds_few_prepared_scans_and_frees_them_and_progress_counts_up_to_its_plan():
+def test_few_prepared_scans_are_held_and_progress_counts_up_to_its_plan():
     truth = ring_poses(24)
-    registrar, said = KnowingRegistrar(truth, COVARIANCE), list[tuple[int, int, str]]()
-    result = Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth), lambda *told: said.append(told))
+    registrar, log = KnowingRegistrar(truth, COVARIANCE), list[tuple[int, int, str]]()
+    result = Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth), lambda *args: log.append(args))
     assert registrar.most_alive <= 4
     assert registrar.alive == 0
     assert max(registrar.prepared.values()) <= 6
-    assert [done for done, _, _ in said] == list(range(1, len(result.pairs) + 3))
-    assert all(done <= total for done, total, _ in said)
-    assert said[-1][0] == said[-1][1]
-    assert said[0][2].startswith("scan0 - scan1: accepted")
+    assert [done for done, _, _ in log] == list(range(1, len(result.pairs) + 3))
+    assert all(done <= total for done, total, _ in log)
+    assert log[-1][0] == log[-1][1]
+    assert log[0][2].startswith("scan0 - scan1: accepted")

@@ -1,4 +1,4 @@
-"""Second looks: what scans alone cannot tell is found where the motion, or the estimate, expects it."""
+"""Second looks: pairs that scans alone leave in doubt are found where the motion or the estimate expects them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +24,7 @@ POSES = ring_poses(COUNT)
 
 
 class Looking(KnowingRegistrar):
-    """Right where it is told where to look, and that is about where the truth is; else as it is spoiled."""
+    """Right if an expected pose is given that is near the truth; without one, spoiled."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -74,7 +74,7 @@ def test_refused_steps_are_found_where_the_motion_expects_them() -> None:
     assert all(pair.expected is not None for pair in result.pairs if pair.scans in unsure)
 
 
-def test_a_step_to_a_twin_is_taken_back() -> None:
+def test_a_step_to_a_twin_is_corrected() -> None:
     result, registrar = mapped(lambda i, j, given: twin(given) if (i, j) == (7, 8) else given)
     assert (7, 8) in registrar.looks
     assert len(result.components) == 1
@@ -82,7 +82,7 @@ def test_a_step_to_a_twin_is_taken_back() -> None:
 
 
 @pytest.mark.slow
-def test_loops_are_looked_for_where_the_estimate_expects_them() -> None:
+def test_loops_are_found_where_the_estimate_expects_them() -> None:
     result, registrar = mapped(lambda i, j, given: refused(given) if j > i + 1 else given, loops=2)
     assert registrar.looks
     assert all(j > i + 1 for i, j in registrar.looks)
@@ -100,7 +100,7 @@ def test_no_loops_are_tried_among_settled_scans() -> None:
 
 
 @pytest.mark.slow
-def test_limits_find_steps_where_nothing_could_be_learned() -> None:
+def test_motion_limits_find_steps_without_a_learned_motion() -> None:
     result, registrar = mapped(
         lambda i, j, given: twin(given) if j == i + 1 else refused(given), limits=MotionLimits(step=4.0, turn_rate=0.5)
     )
@@ -112,7 +112,7 @@ def test_limits_find_steps_where_nothing_could_be_learned() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("wrong", [3, 7])
 def test_many_second_looks_do_not_hide_a_gap(wrong: int) -> None:
-    """Where not even the second look finds the step, the chain is as broken as it was."""
+    """If the second look does not find the step either, the chain stays broken."""
 
     class Blind(Looking):
         def register_expected(self, target: Any, source: Any, expected: ExpectedPose) -> Registration:
@@ -124,7 +124,7 @@ def test_many_second_looks_do_not_hide_a_gap(wrong: int) -> None:
 
 
 @pytest.mark.slow
-def test_no_loops_among_settled_scans_however_many_they_are() -> None:
+def test_settling_scans_ends_the_loops_among_them() -> None:
     registrar = KnowingRegistrar(POSES, COVARIANCE)
     mapper = Mapper(registrar, VOXEL, MapperSettings(LoopSettings(per_scan=2)))
     survey = scans_of(POSES)

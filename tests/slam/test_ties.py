@@ -1,4 +1,4 @@
-"""What a person says of pairs and points: ties, what they cost, and maps held by control points."""
+"""Ties and control points of a person: their contradictions, and maps held by control points."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def pair_of(result: SurveyResult, i: int, j: int) -> Pair:
 
 
 def measured(i: int, j: int, off: RigidTransform | None = None) -> Registration:
-    """As a person might measure it: 1 degree, 5 cm."""
+    """A pair as a person might measure it, to 1 degree and 5 cm."""
     T = TRUTH[i].inv() * TRUTH[j] * (RigidTransform.identity() if off is None else off)
     return replace(registration(T, np.diag(np.repeat([0.0175, 0.05], 3) ** 2)), reason="measured by hand")
 
@@ -56,14 +56,14 @@ def with_false_loops(i: int, j: int, given: Registration) -> Registration:
 
 
 @pytest.mark.slow
-def test_a_false_loop_is_accepted_rejected_and_nothing_is_registered_for_it():
-    """All pairs are searched for as without ties, so that a journal has them all."""
-    asked = []
+def test_ties_accept_or_reject_a_false_loop_without_registrations():
+    """The same pairs are registered as without ties, so that a journal has them all."""
+    runs = []
     for ties in ([], [Tie(0, 23, "accept")], [Tie(0, 23, "reject")]):
         registrar = KnowingRegistrar(TRUTH, COVARIANCE, with_false_loops)
         result = mapped(ties, registrar)
-        asked.append((set(registrar.pairs), error(result), result))
-    (pairs, alone, first), (accepting, bent, second), (rejecting, straight, third) = asked
+        runs.append((set(registrar.pairs), error(result), result))
+    (pairs, alone, first), (accepting, bent, second), (rejecting, straight, third) = runs
     assert (0, 23) in pairs
     assert not pair_of(first, 0, 23).kept
     assert pair_of(first, 0, 23).reason.startswith("refused, inconsistent")
@@ -93,7 +93,7 @@ def test_a_true_loop_added_to_a_chain_closes_it():
 
 
 def joined(*ties: Tie) -> SurveyResult:
-    """Two parts that nothing joins but ties."""
+    """Two parts that only ties join."""
     return mapped(list(ties), KnowingRegistrar(TRUTH, COVARIANCE, halved))
 
 
@@ -103,7 +103,7 @@ def joined(*ties: Tie) -> SurveyResult:
     [Tie(9, 17, "add", measured(9, 17)), Tie(11, 12, "accept")],
     ids=["measured", "accepted"],
 )
-def test_ties_join_parts_that_nothing_joins(tie: Tie) -> None:
+def test_ties_join_parts_without_registrations(tie: Tie) -> None:
     result = joined(tie)
     assert len(result.components) == 1
     assert error(result) < 0.6
@@ -120,13 +120,13 @@ def test_ties_join_parts_that_nothing_joins(tie: Tie) -> None:
         ((1, 2, "add", 5), "is 5; wanted a Registration"),
     ],
 )
-def test_ties_refuse_what_makes_no_sense(given: tuple, words: str) -> None:
+def test_invalid_ties_are_refused(given: tuple, words: str) -> None:
     with pytest.raises(InputError, match=words):
         Tie(*given)
 
 
 @pytest.mark.slow
-def test_a_tie_of_a_scan_that_no_registration_places_is_refused():
+def test_a_tie_of_a_scan_that_is_no_key_scan_is_refused():
     dense = ring_poses(60, turns=0.5)
     mapper = Mapper(KnowingRegistrar(dense, COVARIANCE), VOXEL, MapperSettings(keys=KeySettings(3.0)))
     plain = mapper.run(scans_of(dense))
@@ -159,12 +159,12 @@ def halved(i: int, j: int, given: Registration) -> Registration:
 
 
 @pytest.mark.slow
-def test_points_bring_a_map_into_the_world_and_register_nothing() -> None:
+def test_points_place_a_map_in_the_world_without_registrations() -> None:
     registrar = KnowingRegistrar(TRUTH, 4 * COVARIANCE)
     alone = Mapper(registrar, VOXEL).run(SCANS)
-    asked, registrar.pairs = registrar.pairs, []
+    before, registrar.pairs = registrar.pairs, []
     held = Mapper(registrar, VOXEL).run(SCANS, control=points([0, 5, 9, 14, 19], check=(9,)))
-    assert registrar.pairs == asked
+    assert registrar.pairs == before
     assert error(alone, IN_WORLD) > 100
     assert error(held, IN_WORLD) < 0.25
     assert held.solution.graph.anchors == ()
@@ -181,7 +181,7 @@ def test_points_bring_a_map_into_the_world_and_register_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_check_points_alone_measure_a_map_that_navigation_places() -> None:
+def test_check_points_do_not_move_a_map_that_navigation_places() -> None:
     sigmas = np.array([0.01, 0.01, 0.03, 0.5, 0.5, 0.1])
     priors = {k: PosePrior(IN_WORLD[k], sigmas) for k in range(0, 24, 3)}
     scans = [replace(scan, prior=priors.get(k)) for k, scan in enumerate(SCANS)]
@@ -220,20 +220,20 @@ def test_points_of_scans_between_the_key_scans_count() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "words"),
+    ("inputs", "words"),
     [
         ({"ties": [Tie(2, 24, "reject")]}, "of scan 24; there are 24"),
         ({"ties": [Tie(2, 4, "reject"), Tie(2, 4, "accept")]}, "two ties"),
         ({"control": [replace(points([3])[0], scan=-1)]}, "there are 24"),
     ],
 )
-def test_what_is_of_no_scan_is_refused(said: dict, words: str) -> None:
+def test_ties_and_points_of_missing_scans_are_refused(inputs: dict, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        Mapper(KnowingRegistrar(TRUTH, COVARIANCE), VOXEL).run(SCANS, **said)
+        Mapper(KnowingRegistrar(TRUTH, COVARIANCE), VOXEL).run(SCANS, **inputs)
 
 
 @pytest.mark.slow
-def test_a_false_tie_is_told_with_its_size_and_rejecting_it_undoes_it():
+def test_a_false_tie_shows_its_contradiction_and_can_be_rejected():
     registrar = KnowingRegistrar(TRUTH, 4 * COVARIANCE)
     alone = mapped([], registrar)
     false = mapped([Tie(3, 17, "add", measured(3, 17, WRONG), "planted")], registrar)
@@ -250,8 +250,8 @@ def test_a_false_tie_is_told_with_its_size_and_rejecting_it_undoes_it():
 
 
 @pytest.mark.slow
-def test_a_step_that_is_rejected_and_a_pair_that_is_added_are_all_that_changes() -> None:
-    """Of what is searched for, the added pair alone is new."""
+def test_ties_change_only_their_own_pairs() -> None:
+    """Only the added pair is registered in addition."""
     plain, registrar = (KnowingRegistrar(TRUTH, COVARIANCE, with_false_loops) for _ in range(2))
     mapped([], plain)
     result = mapped([Tie(5, 6, "reject"), Tie(2, 21, "add")], registrar)
@@ -261,8 +261,8 @@ def test_a_step_that_is_rejected_and_a_pair_that_is_added_are_all_that_changes()
 
 
 @pytest.mark.slow
-def test_accepting_a_pair_keeps_the_answer_that_the_survey_takes():
-    """The more probable answer of (2, 21) is wrong, and the survey takes the other: to accept it changes nothing."""
+def test_a_tie_keeps_the_answer_that_the_survey_takes():
+    """The more probable answer of (2, 21) is wrong, and the survey takes the other, with the tie as well."""
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
         if (i, j) != (2, 21):
@@ -281,7 +281,7 @@ def test_accepting_a_pair_keeps_the_answer_that_the_survey_takes():
 
 
 @pytest.mark.slow
-def test_parts_that_points_place_share_the_world() -> None:
+def test_parts_placed_by_points_share_the_world() -> None:
     def run(control: list[ControlPoint], *ties: Tie) -> SurveyResult:
         return Mapper(KnowingRegistrar(TRUTH, COVARIANCE, halved), VOXEL).run(SCANS, control=control, ties=ties)
 
@@ -301,5 +301,5 @@ def test_parts_that_points_place_share_the_world() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ties", [[], [Tie(11, 12, "reject")]])
-def test_without_such_ties_they_stay_apart(ties: list[Tie]) -> None:
+def test_without_such_ties_the_parts_stay_apart(ties: list[Tie]) -> None:
     assert len(joined(*ties).components) == 2

@@ -1,4 +1,4 @@
-"""Scans placed as they come, by a registrar that knows the truth: the map that grows is that of the poses."""
+"""The growing map with a registrar that knows the truth: scans are placed as they arrive."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -24,14 +24,14 @@ Spoil = Callable[[int, int, Registration], Registration]
 
 
 class SeeingRegistrar(KnowingRegistrar):
-    """One by which near places look alike."""
+    """Near scans have similar signatures."""
 
     def signature(self, prepared: Any) -> np.ndarray:
         return self.truth[prepared.index].translation.astype(np.float32)
 
 
 def far_refused(truth: RigidTransform) -> Spoil:
-    """As the scans would have it: what is too far apart shares too little."""
+    """Overlap falls with the distance of two scans; pairs beyond REACH are refused."""
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
         shared = 1 - float(np.linalg.norm(truth[i].translation - truth[j].translation)) / REACH
@@ -48,7 +48,7 @@ def growing(truth: RigidTransform, spoil: Spoil | None = None, scale: float = 1.
 
 
 def decided(grown: GrowingMap) -> None:
-    """All, by another thread, as while scans come."""
+    """Decide in another thread, as happens while scans arrive."""
     thread = Thread(target=grown.decide)
     grown.idle.set()
     thread.start()
@@ -58,7 +58,7 @@ def decided(grown: GrowingMap) -> None:
 
 
 def poses_of(grown: GrowingMap, scans: list[Scan]) -> RigidTransform:
-    """Of all scans, placed one by one."""
+    """Poses of the scans, placed one by one."""
     placed = [grown.add(scan) for scan in scans]
     return RigidTransform.concatenate([grown.pose(each).T_part_sensor for each in placed if each is not None])
 
@@ -74,11 +74,11 @@ def test_every_scan_is_placed_where_it_was_taken() -> None:
     sigmas = [float(np.trace(pose.covariance[3:, 3:])) for pose in grown.poses]
     assert sigmas[0] == 0.0
     assert sigmas[-1] > 2 * sigmas[2]
-    assert len(grown.tracker.keys) < 25  # a scan that is near the last key scan is none
+    assert len(grown.tracker.keys) < 25  # scans near the last key scan are no key scans
 
 
 @pytest.mark.slow
-def test_loops_that_are_closed_move_key_scans_and_what_lies_by_them() -> None:
+def test_loops_move_key_scans_and_the_scans_placed_by_them() -> None:
     truth = ring_poses(80, turns=1.2)
     scans = scans_of(truth)
     grown = growing(truth, scale=6)
@@ -92,14 +92,14 @@ def test_loops_that_are_closed_move_key_scans_and_what_lies_by_them() -> None:
     decided(grown)
     assert grown.loops
     assert error() < 0.8 * before
-    later = grown.add(replace(scans[-1], stamp=scans[-1].stamp + 1))  # and goes on from there
+    later = grown.add(replace(scans[-1], stamp=scans[-1].stamp + 1))  # placement continues from there
     assert later is not None
     assert np.linalg.norm(grown.pose(later).T_part_sensor.translation - truth[-1].translation) < before
 
 
-def test_a_vehicle_that_leaps_is_in_a_part_of_its_own_until_a_known_place_is_seen_again() -> None:
-    ring = ring_poses(40, radius=5.0, turns=2.0)  # of which the second lap is where the first was
-    away = RigidTransform.from_translation([0.0, 0.0, 40.0])  # nothing of the ring is seen from there
+def test_a_jump_begins_a_part_until_a_known_place_is_seen_again() -> None:
+    ring = ring_poses(40, radius=5.0, turns=2.0)  # the second lap follows the first
+    away = RigidTransform.from_translation([0.0, 0.0, 40.0])  # out of sight of the ring
     truth = RigidTransform.concatenate([ring[:14], away * ring[14:16], ring[16:]])
     grown = growing(truth)
     scans = scans_of(ring)
@@ -107,20 +107,20 @@ def test_a_vehicle_that_leaps_is_in_a_part_of_its_own_until_a_known_place_is_see
         grown.add(scan)
     assert grown.parts.keys() == {0}
     assert grown.add(scans[14]) is None
-    assert grown.add(scans[15]) is not None  # it is placed by the scan before
+    assert grown.add(scans[15]) is not None  # placed by the scan before
     apart = grown.tracker.starts[1]
     assert grown.poses[-1].part == apart
     for scan in scans[16:34]:
         grown.add(scan)
-    assert len(grown.parts) == 3  # what comes after is not known to be the first part yet
+    assert len(grown.parts) == 3  # the return to the first part is not recognized yet
     decided(grown)
     assert grown.poses[-1].part == 0
-    assert grown.poses[apart].part == apart  # what nothing joins stays apart
+    assert grown.poses[apart].part == apart  # no loop joins it
     last = grown.poses[-1].T_part_sensor.translation
     assert np.linalg.norm(last - truth[33].translation) < 2.0
 
 
-def test_scans_that_fit_nothing_are_said_to_after_three() -> None:
+def test_a_vehicle_is_lost_after_three_scans_that_cannot_be_placed() -> None:
     truth = ring_poses(30, turns=0.5)
     blind = range(12, 15)
 
@@ -129,16 +129,16 @@ def test_scans_that_fit_nothing_are_said_to_after_three() -> None:
         return replace(given, accepted=False, probability=0.0) if refused else far_refused(truth)(i, j, given)
 
     grown = growing(truth, spoil)
-    scans, said = scans_of(truth), list[bool]()
+    scans, lost = scans_of(truth), list[bool]()
     for scan in scans:
         grown.add(scan)
-        said.append(grown.tracker.is_lost)
-    assert said.index(True) == blind.start + LOST - 1
-    assert not any(said[blind.stop :])  # the last key scan is in sight still
+        lost.append(grown.tracker.is_lost)
+    assert lost.index(True) == blind.start + LOST - 1
+    assert not any(lost[blind.stop :])  # the last key scan is still in sight
     assert grown.parts.keys() == {0}
 
 
-def test_a_mapping_that_is_begun_again_has_the_same_poses() -> None:
+def test_a_restored_map_has_the_same_poses() -> None:
     truth = ring_poses(40, turns=0.7)
     scans = scans_of(truth)
     grown = growing(truth)
@@ -153,7 +153,7 @@ def test_a_mapping_that_is_begun_again_has_the_same_poses() -> None:
     assert again.tracker.starts == grown.tracker.starts
 
 
-def test_a_part_is_level_where_the_first_scan_knows_its_attitude() -> None:
+def test_a_part_is_level_if_its_first_scan_has_an_attitude() -> None:
     truth = ring_poses(20, turns=0.4)
     tilted = Rotation.from_euler("ZYX", [0.0, 0.2, -0.1])
     sigmas = np.array([0.01, 0.01, np.inf, np.inf, np.inf, np.inf])
@@ -166,8 +166,8 @@ def test_a_part_is_level_where_the_first_scan_knows_its_attitude() -> None:
     assert position_error(found, expected) < 0.1
 
 
-def leapt(navigate: Callable[[RigidTransform], Navigate | None]) -> tuple[GrowingMap, RigidTransform]:
-    """A map whose vehicle leapt at scan 14, decided, and where its key scans truly were."""
+def jumped(navigate: Callable[[RigidTransform], Navigate | None]) -> tuple[GrowingMap, RigidTransform]:
+    """A decided map whose vehicle jumped at scan 14, and the true poses of its key scans."""
     ring = ring_poses(40, radius=5.0, turns=1.0)
     away = RigidTransform.from_components([5.0, 0.0, 40.0], Rotation.from_rotvec([0.0, 0.0, 0.5]))
     truth = RigidTransform.concatenate([away * ring[:14], ring[14:]])
@@ -185,7 +185,7 @@ def true_poses(truth: RigidTransform, scans: Sequence[Scan]) -> RigidTransform:
 
 
 def measured(truth: RigidTransform) -> Navigate:
-    """Fixes, which are the true poses."""
+    """Navigation with the true poses as fixes."""
     sigmas = np.array([0.01, 0.01, 0.02, 0.5, 0.5, 0.5])
 
     def navigate(scans: Sequence[Scan]) -> tuple[Sequence[Scan], None]:
@@ -196,15 +196,15 @@ def measured(truth: RigidTransform) -> Navigate:
 
 
 @pytest.mark.slow
-def test_fixes_join_parts_and_put_them_in_the_world() -> None:
-    grown, truth = leapt(measured)
+def test_fixes_join_parts_and_place_them_in_the_world() -> None:
+    grown, truth = jumped(measured)
     assert grown.parts == {0: len(grown.tracker.keys)}
     assert all(key.prior is not None for key in grown.tracker.keys)
     found = np.array([pose.T_part_sensor.translation for pose in grown.poses])
     assert np.linalg.norm(found - truth.translation, axis=1).max() < 0.3
 
 
-def test_too_few_key_scans_decide_nothing() -> None:
+def test_too_few_key_scans_give_no_decision() -> None:
     truth = ring_poses(4)
     grown = growing(truth)
     for scan in scans_of(truth)[:1]:
@@ -214,7 +214,7 @@ def test_too_few_key_scans_decide_nothing() -> None:
 
 
 class _Watched(list[Any]):
-    """A list that lets another thread go on, once, right after it was copied."""
+    """A list that calls `then` once, right after it was copied, as if another thread ran."""
 
     then: Callable[[], object] | None = None
 
@@ -227,7 +227,7 @@ class _Watched(list[Any]):
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("copied", ["keys", "starts"])
-def test_no_step_is_taken_over_what_came_between_whenever_a_part_begins(
+def test_a_part_that_begins_during_a_decision_is_a_survey_of_its_own(
     monkeypatch: pytest.MonkeyPatch, copied: str
 ) -> None:
     truth = ring_poses(30, turns=0.6)
@@ -259,7 +259,7 @@ def test_no_step_is_taken_over_what_came_between_whenever_a_part_begins(
 
 
 def reckoned(truth: RigidTransform) -> Navigate:
-    """Dead reckoning, which is right."""
+    """Navigation with dead reckoning without errors."""
 
     def navigate(scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry]:
         times = np.array([scan.stamp for scan in scans])
@@ -268,7 +268,7 @@ def reckoned(truth: RigidTransform) -> Navigate:
     return navigate
 
 
-def test_a_scan_that_is_not_the_last_chance_changes_nothing() -> None:
+def test_a_failure_before_the_last_chance_changes_nothing() -> None:
     truth = ring_poses(40, turns=1.0)
     scans = scans_of(truth)
     grown = growing(truth)
@@ -282,7 +282,7 @@ def test_a_scan_that_is_not_the_last_chance_changes_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_a_step_off_the_usual_motion_has_to_be_sure() -> None:
+def test_an_unusual_step_must_be_probable() -> None:
     ring = ring_poses(30, turns=0.5)
     turned = RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, 1.2]))
     scans = scans_of(ring)
@@ -298,9 +298,9 @@ def test_a_step_off_the_usual_motion_has_to_be_sure() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("probability", "believed"), [(0.9, False), (0.99, True)])
-def test_after_a_scan_that_fits_nothing_only_a_sure_one_goes_on(probability: float, believed: bool) -> None:
-    """As it may be a leap to a place that looks alike."""
+@pytest.mark.parametrize(("probability", "joins"), [(0.9, False), (0.99, True)])
+def test_after_a_scan_that_cannot_be_placed_the_next_step_must_be_probable(probability: float, joins: bool) -> None:
+    """It may be a jump to a place that looks the same."""
     truth = ring_poses(30, turns=0.5)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -311,21 +311,21 @@ def test_after_a_scan_that_fits_nothing_only_a_sure_one_goes_on(probability: flo
     grown = growing(truth, spoil)
     placed = [grown.add(scan) for scan in scans_of(truth)[:14]]
     assert placed[12] is None
-    assert placed[13] is not None  # by the scan before, if by no other
-    assert (len(grown.parts) == 1) == believed
+    assert placed[13] is not None  # by the scan before, if not by a key scan
+    assert (len(grown.parts) == 1) == joins
 
 
 @pytest.mark.slow
 def test_dead_reckoning_joins_parts() -> None:
-    grown, truth = leapt(reckoned)
+    grown, truth = jumped(reckoned)
     assert grown.parts == {0: len(grown.tracker.keys)}
     step = grown.poses[0].T_part_sensor.inv() * grown.poses[-1].T_part_sensor
     off = step.translation - (truth[0].inv() * truth[-1]).translation
-    assert np.linalg.norm(off) < 1.5  # 1 percent of 40 m, and what the steps add
+    assert np.linalg.norm(off) < 1.5  # 1 percent of 40 m, and the errors of the steps
 
 
 @pytest.mark.slow
-def test_ellipsoids_grow_with_the_way_from_the_last_key_scan() -> None:
+def test_covariances_grow_along_the_track() -> None:
     truth = ring_poses(30, turns=0.5)
     grown = growing(truth)
     sigmas: list[float] = []
@@ -338,5 +338,5 @@ def test_ellipsoids_grow_with_the_way_from_the_last_key_scan() -> None:
 
 
 @pytest.mark.slow
-def test_without_navigation_a_leap_leaves_two_parts() -> None:
-    assert len(leapt(lambda _: None)[0].parts) == 2
+def test_without_navigation_a_jump_leaves_two_parts() -> None:
+    assert len(jumped(lambda _: None)[0].parts) == 2

@@ -1,4 +1,4 @@
-"""Scans located in a map's points: of this place, of another, of two that look the same; one by one, in a row."""
+"""Scans located in a map: of this place, of another, of two that look the same; alone and in a row."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ ROW = RigidTransform.from_components(
 
 
 def map_of(points: np.ndarray, T: RigidTransform, measured: bool = False) -> SurveyedMap:
-    """Each point is mostly of the scan with which it is in turn."""
+    """A map whose points belong to the scans in turn."""
     seen_by = np.arange(len(points)) % len(T)
     return SurveyedMap(points, seen_by, T, np.tile(COVARIANCE, (len(T), 1, 1)), VOXEL, np.full(6, measured))
 
@@ -61,7 +61,7 @@ def check_at(located: Located, T_true: RigidTransform) -> None:
 def test_a_scan_is_located_with_a_covariance(located: Located) -> None:
     check_at(located, T_WORLD_SENSOR[3])
     assert located.probability > 0.9
-    assert np.linalg.eigvalsh(located.covariance - COVARIANCE).min() > -1e-4  # the map's own is in it
+    assert np.linalg.eigvalsh(located.covariance - COVARIANCE).min() > -1e-4  # includes the map's own
     assert 0 < located.overlap <= 1
     assert located.psr > 10
     assert located.seconds > 0
@@ -69,7 +69,7 @@ def test_a_scan_is_located_with_a_covariance(located: Located) -> None:
 
 
 @pytest.mark.slow
-def test_a_map_that_is_moved_as_a_whole_moves_the_answer(surveyed: SurveyedMap, located: Located) -> None:
+def test_the_answer_moves_with_the_map(surveyed: SurveyedMap, located: Located) -> None:
     moved = map_of(MOVED.apply(surveyed.points), MOVED * surveyed.T_map_sensor)
     again = locator(moved).locate(scan_at(T_WORLD_SENSOR[3]))
     apart = (MOVED * located.T_map_scan).inv() * again.T_map_scan
@@ -103,7 +103,7 @@ def twins(measured: bool) -> SurveyedMap:
     return map_of(both.reshape(-1, 3), T, measured)
 
 
-def test_of_two_places_that_look_the_same_none_is_believed() -> None:
+def test_of_two_places_that_look_the_same_none_is_accepted() -> None:
     located = locator(twins(measured=False)).locate(scan_at(T_WORLD_SENSOR[3]))
     assert not located.located
     assert located.probability <= 0.5
@@ -114,35 +114,35 @@ def test_of_two_places_that_look_the_same_none_is_believed() -> None:
 
 @pytest.mark.parametrize("twin", [AWAY])
 @pytest.mark.slow
-def test_instruments_tell_which_of_the_two_it_is(twin: RigidTransform) -> None:
+def test_a_prior_chooses_between_places_that_look_the_same(twin: RigidTransform) -> None:
     T = twin * T_WORLD_SENSOR[3]
     prior = PosePrior(T, np.array([0.02, 0.02, 0.05, 2.0, 2.0, 1.0]))
     check_at(locator(twins(measured=True)).locate(replace(scan_at(T_WORLD_SENSOR[3]), prior=prior)), T)
 
 
 @pytest.mark.slow
-def test_scans_in_a_row_are_sought_where_the_motion_expects_them(surveyed: SurveyedMap) -> None:
+def test_consecutive_scans_are_tracked_by_their_motion(surveyed: SurveyedMap) -> None:
     scans = [scan_at(T, stamp=float(k)) for k, T in enumerate(ROW)]
     tracked = list(locator(surveyed).track(scans, [0] * len(scans)))
     for each, T in zip(tracked, ROW, strict=True):
         check_at(each, T)
     assert [each.tracked for each in tracked] == [False] * 5 + [True] * 4
     assert [each.stamp for each in tracked] == [float(k) for k in range(9)]
-    # one of another place, and what follows another folder's, are sought in the whole map
+    # after a scan of another survey or of another place, the whole map is searched
     scans[6] = scan_at(ROW[6], scene=2, stamp=6.0)
     lost = list(locator(surveyed).track(scans, [0] * 5 + [1] * 4))
     assert [each.located for each in lost] == [True] * 6 + [False] + [True] * 2
     assert not any(each.tracked for each in lost)
 
 
-def test_a_map_without_points_is_refused() -> None:
+def test_a_map_with_too_few_points_is_refused() -> None:
     few = map_of(clutter()[:90].astype(np.float64), T_WORLD_SENSOR[:3])
     with pytest.raises(InputError, match="50 points of its own"):
         few.key_scans()
 
 
-def test_a_prior_from_the_map_errs_about_axes_that_are_turned_with_the_heading() -> None:
-    """As every prior does: an error about the sensor's forward axis is one of roll wherever it heads."""
+def test_errors_of_a_prior_from_the_map_turn_with_the_heading() -> None:
+    """As in every prior, an error about the sensor's forward axis is one of roll at any heading."""
     sigmas = np.array([0.01, 0.1, 0.05, 0.2, 1.0, 0.5])
     at = RigidTransform.from_rotation(Rotation.from_euler("Z", [[90.0]], degrees=True))
     surveyed = SurveyedMap(np.zeros((1, 3)), np.zeros(1, int), at, np.diag(sigmas**2)[None], VOXEL, np.full(6, True))

@@ -1,4 +1,4 @@
-"""Places that answers agree on: they support one another, and places that contradict one another share what is left."""
+"""Places that answers agree on: agreement makes a place more probable, contradiction less."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def test_answers_that_agree_make_a_place_more_probable() -> None:
     assert len(places) == 1
     assert places[0].probability == pytest.approx(1 - 0.2 * 0.3 * 0.4)
     assert places[0].keys == (1, 2, 3)
-    assert places[0].T_map_scan.translation[0] == 0  # of the most probable answer
+    assert places[0].T_map_scan.translation[0] == 0  # that of the most probable answer
 
 
 def test_a_key_scan_counts_once() -> None:
@@ -29,7 +29,7 @@ def test_a_key_scan_counts_once() -> None:
 
 
 @pytest.mark.parametrize("other", [answer(5, 0.9, 2), answer(0, 0.9, 2, yaw=0.5)])
-def test_of_two_places_that_are_as_probable_none_has_more_than_a_half(other: Place) -> None:
+def test_of_two_equally_probable_places_none_has_more_than_a_half(other: Place) -> None:
     places = agreed_places([answer(0, 0.9, 1), other, answer(0.1, 0.9, 3), answer(5, 0.9, 4)], FLOOR)
     assert len(places) >= 2
     assert sum(place.probability for place in places) <= 1
@@ -38,7 +38,7 @@ def test_of_two_places_that_are_as_probable_none_has_more_than_a_half(other: Pla
     assert agreed_places([answer(0, 0.9, 1), other], FLOOR)[0].probability < 0.5
 
 
-def test_an_open_direction_does_not_part_answers() -> None:
+def test_answers_agree_along_an_unconstrained_direction() -> None:
     loose = Place(RigidTransform.from_translation([3, 0, 0]), COVARIANCE + np.diag([0, 0, 0, 4.0, 0, 0]), 0.5, (2,))
     assert len(agreed_places([answer(0, 0.9, 1), loose], FLOOR)) == 1
     aside = Place(RigidTransform.from_translation([0, 3, 0]), loose.covariance, 0.5, (2,))

@@ -1,4 +1,4 @@
-"""What one scan alone saw where others looked is doubtful; what two saw, or where nobody else looked, stays."""
+"""Points that only one scan saw where others looked are doubtful; points of two scans or in one view only stay."""
 
 import numpy as np
 import pytest
@@ -22,9 +22,9 @@ EDGE = np.tan(np.radians(40))
 
 
 def wall(place: tuple[float, float, float], x: float = 10.0, extra: tuple = (), hole: float = 0.0) -> Scan:
-    """What 91 x 91 beams over 80 x 80 degrees, looking along x from a place [m], see of the plane x.
+    """A scan of the plane x by 91 x 91 beams over 80 x 80 degrees, looking along x from a place [m].
 
-    The last echoes are the `extra` places (n, 3) [m, world]; nothing is seen within a `hole` around the axis [rad].
+    The last echoes are the `extra` places (n, 3) [m, world]; beams within `hole` of the axis are missing [rad].
     """
     y, z = np.meshgrid(np.linspace(-EDGE, EDGE, 91), np.linspace(-EDGE, EDGE, 91))
     kept = np.hypot(y, z) >= hole
@@ -49,7 +49,7 @@ AT, ASIDE = (0.0, 0.0, 0.0), (0.3, 2.0, -0.4)
     ("echo", "where"),
     [((5.1, 0.2, 0.1), "before the wall, and the other scan sees the wall through it"), ((14.2, 0.3, 0.2), "behind")],
 )
-def test_a_false_echo_where_another_looked_goes_to_its_own_layer(echo: tuple, where: str) -> None:
+def test_a_false_echo_where_another_scan_looked_is_doubtful(echo: tuple, where: str) -> None:
     parted = mapped([AT, ASIDE], [wall(AT, extra=(echo,)), wall(ASIDE, extra=((15.0, -3.0, 2.0),))])
     assert has(parted.doubtful, echo), where
     assert has(parted.doubtful, (15.0, -3.0, 2.0))
@@ -63,8 +63,8 @@ def test_a_false_echo_where_another_looked_goes_to_its_own_layer(echo: tuple, wh
 
 
 @pytest.mark.parametrize("echo", [(5.1, 0.2, 0.1), (14.2, 0.3, 0.2)])
-def test_where_nobody_else_looked_it_stays(echo: tuple) -> None:
-    """The other scan looks the other way, or is far off; a scan alone contradicts nothing of its own."""
+def test_an_echo_where_no_other_scan_looked_stays(echo: tuple) -> None:
+    """The other scan is far away and looks elsewhere, or there is none: a scan does not contradict itself."""
     away = (-60.0, 0.0, 0.0)
     for places, scans in (
         ([AT, away], [wall(AT, extra=(echo,)), wall(away, x=-50.0)]),
@@ -75,12 +75,12 @@ def test_where_nobody_else_looked_it_stays(echo: tuple) -> None:
         assert not len(parted.doubtful.points)
 
 
-def test_a_pole_at_the_edge_of_the_survey_stays_though_one_scan_alone_saw_it() -> None:
-    pole = tuple((9.0, -7.0, z) for z in np.arange(-3.0, 3.0, 0.2))  # inside the first scan's view alone
+def test_a_pole_at_the_edge_that_only_one_scan_saw_stays() -> None:
+    pole = tuple((9.0, -7.0, z) for z in np.arange(-3.0, 3.0, 0.2))  # only in the first scan's view
     there = (0.0, 8.0, 0.0)
     parted = mapped([AT, there], [wall(AT, extra=pole), wall(there)])
     assert all(has(parted.clean, place) for place in pole)
-    # and so does a room behind a hole of the wall, which the second scan sees closed: no echo is nearer all about
+    # so does a room behind a hole in the wall, although the second scan sees the wall closed
     beyond = tuple((16.0, y, z) for y in np.arange(-2.4, 2.5, 0.25) for z in np.arange(-2.4, 2.5, 0.25))
     aside = (6.0, 7.0, 0.0)
     parted = mapped([AT, aside], [wall(AT, extra=beyond, hole=np.radians(12)), wall(aside)])
@@ -89,7 +89,7 @@ def test_a_pole_at_the_edge_of_the_survey_stays_though_one_scan_alone_saw_it() -
 
 
 @pytest.mark.parametrize("echo", [(14.2, 0.3, 0.2)])
-def test_what_two_scans_saw_stays(echo: tuple) -> None:
+def test_an_echo_that_two_scans_saw_stays(echo: tuple) -> None:
     places = [AT, ASIDE, (0.1, -2.0, 0.3)]
     scans = [wall(place, extra=(echo,) * (place in (AT, ASIDE))) for place in places]
     assert has(mapped(places, scans).clean, echo)
@@ -100,7 +100,7 @@ def test_what_two_scans_saw_stays(echo: tuple) -> None:
 
 @pytest.fixture(scope="module")
 def scans() -> list[Scan]:
-    """A room with a pole, 2 % of wild echoes, from twelve places."""
+    """Scans of a room with a pole from twelve poses, with 2 % of wild echoes."""
     rng = np.random.default_rng(5)
     return [look(pose, rng, wild=0.02) for pose in T]
 
@@ -110,7 +110,7 @@ def parted(scans: list[Scan]) -> CleanMap:
     return clean_map(PlacedScans.of(scans, T, VOXEL))
 
 
-def test_outliers_go_and_the_surface_stays(parted: CleanMap) -> None:
+def test_outliers_are_doubtful_and_the_surface_stays(parted: CleanMap) -> None:
     layers = [np.abs(room_distance(layer.points)) for layer in (parted.clean, parted.doubtful)]
     wrong, right = (np.array([test(d).sum() for d in layers]) for test in (lambda d: d > 0.75, lambda d: d < 0.1))
     assert wrong[1] > 3 * wrong[0]
@@ -118,7 +118,7 @@ def test_outliers_go_and_the_surface_stays(parted: CleanMap) -> None:
 
 
 @pytest.mark.slow
-def test_together_they_are_the_map_without_the_rule(scans: list[Scan], parted: CleanMap) -> None:
+def test_both_layers_together_are_the_map_without_the_rule(scans: list[Scan], parted: CleanMap) -> None:
     whole = clean_map(PlacedScans.of(scans, T, VOXEL), min_seen=1)
     assert not len(whole.doubtful.points)
     both = np.vstack([parted.clean.points, parted.doubtful.points])
@@ -132,7 +132,7 @@ def test_together_they_are_the_map_without_the_rule(scans: list[Scan], parted: C
     assert of_three.doubtful.seen.max() == 2
 
 
-def test_a_mapper_takes_the_least_number_of_scans() -> None:
+def test_a_mapper_uses_min_seen() -> None:
     truth = ring_poses(3, turns=0.25)
     scans = scans_of(truth)
     registrar = KnowingRegistrar(truth, 1e-4 * np.eye(6))
@@ -147,7 +147,7 @@ def test_a_mapper_takes_the_least_number_of_scans() -> None:
 
 
 def row_of_points(seen: list[int], off: float) -> PointMap:
-    """Points a voxel apart along x, seen so often, and the last beside the middle of them by `off` voxels."""
+    """Points a voxel apart along x with `seen` counts; the last one lies `off` voxels beside their middle."""
     count = len(seen)
     points = np.zeros((count, 3))
     points[:-1, 0] = np.arange(count - 1)
@@ -160,27 +160,27 @@ def row_of_points(seen: list[int], off: float) -> PointMap:
     ("seen", "off", "beside"),
     [
         ([3, 2, 2, 3, 1], 1.2, True),  # around it (2.0 voxels): 2, 2 and, 1.92 off, 3, 3: 2.5 on average
-        ([3, 2, 2, 3, 1], 0.5, False),  # 0.71 voxels from what two saw: part of it
-        ([2, 1, 2, 2, 1], 1.2, False),  # 1.75 on average: hardly seen either
+        ([3, 2, 2, 3, 1], 0.5, False),  # 0.71 voxels from points of two scans: one of them
+        ([2, 1, 2, 2, 1], 1.2, False),  # 1.75 on average: the surface is hardly seen either
         ([3, 2, 2, 3, 1], 2.1, False),  # nothing around
     ],
 )
-def test_beside_a_surface_that_enough_scans_saw(seen: list[int], off: float, beside: bool) -> None:
+def test_points_beside_a_surface_that_enough_scans_saw_are_doubtful(seen: list[int], off: float, beside: bool) -> None:
     point_map = row_of_points(seen, off)
     count = len(seen)
     vote = Votes(np.ones(count, int), np.zeros(count, int), np.full(count, 4), np.zeros(count, bool))
     parted = part_doubtful(point_map, vote)
     assert parted.doubtful.points.tolist() == (point_map.points[-1:].tolist() if beside else [])
     unasked = Votes(vote.agree, vote.contradict, point_map.seen.copy(), vote.behind)
-    assert not len(part_doubtful(point_map, unasked).doubtful.points)  # nobody else looked
-    # something is always left
+    assert not len(part_doubtful(point_map, unasked).doubtful.points)  # no other scan looked
+    # some points always stay
     point_map = row_of_points([1, 1, 1], 1.0)
     all_behind = Votes(np.zeros(3, int), np.zeros(3, int), np.full(3, 2), np.ones(3, bool))
     assert len(part_doubtful(point_map, all_behind).clean.points) == 3
 
 
 @pytest.mark.slow
-def test_the_scans_order_and_names_and_the_world_do_not_matter(scans: list[Scan], parted: CleanMap) -> None:
+def test_order_and_names_of_scans_and_the_world_frame_do_not_matter(scans: list[Scan], parted: CleanMap) -> None:
     order = np.random.default_rng(2).permutation(COUNT)
     again = clean_map(PlacedScans.of([scans[k] for k in order], T[order], VOXEL, [100 + int(k) for k in order]))
     for one, other in ((parted.clean, again.clean), (parted.doubtful, again.doubtful)):

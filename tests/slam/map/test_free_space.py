@@ -1,4 +1,4 @@
-"""Outliers that other scans looked through go; how far overlapping crossings lie apart, where it is known."""
+"""Removal of outliers that other scans looked through, and distances between crossings that overlap."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ SIGMAS = np.repeat([0.003, 0.03], 3)  # of the poses [rad, m]
 
 
 def clear(point_map: PointMap, placed: PlacedScans) -> PointMap:
-    """What free space leaves."""
+    """The map without points that free space contradicts."""
     return point_map.take(uncontradicted(point_map, votes(point_map, placed)))
 
 
@@ -29,7 +29,7 @@ def scans_at(T: RigidTransform, wild: float) -> list[Scan]:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("wild", "moved"), [(0.02, True), (0.05, False)])
-def test_wild_echoes_go_and_surfaces_stay(wild: float, moved: bool) -> None:
+def test_wild_echoes_are_removed_and_surfaces_stay(wild: float, moved: bool) -> None:
     truth = room_poses(COUNT)
     scans = scans_at(truth, wild)
     errors = np.random.default_rng(4).normal(size=(COUNT, 6)) * SIGMAS
@@ -50,7 +50,7 @@ def test_wild_echoes_go_and_surfaces_stay(wild: float, moved: bool) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_to_the_byte_moved_with_the_world_and_left_alone_where_poses_are_unsure() -> None:
+def test_removal_is_reproducible_moves_with_the_world_and_needs_certain_poses() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
     first, second = clean_map(PlacedScans.of(scans, T, VOXEL)).clean, clean_map(PlacedScans.of(scans, T, VOXEL)).clean
@@ -61,16 +61,16 @@ def test_the_same_to_the_byte_moved_with_the_world_and_left_alone_where_poses_ar
     moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL)).clean
     assert abs(moved.removed - first.removed) <= 2  # rounding may move a point over a cell's rim
     assert abs(len(moved.points) - len(first.points)) <= 5
-    # which way an unsure point close by lies is not known well enough to say that the beams passed it
+    # with uncertain poses it is unknown whether beams passed a point
     vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
     assert clean_map(PlacedScans.of(scans, T, VOXEL, covariances=vague)).clean.removed == 0
 
 
 @pytest.mark.parametrize("ordered", [True, False])
-def test_it_finds_the_points_that_all_distances_find(ordered: bool) -> None:
+def test_ball_search_agrees_with_all_distances(ordered: bool) -> None:
     rng = np.random.default_rng(3)
     points = rng.normal(size=(2000, 3)) * [20, 5, 1] + [1e6, -3e5, 40]
-    if ordered:  # as a map's, by cells along x
+    if ordered:  # by cells along x, as in a map
         points = points[np.argsort(np.floor(points[:, 0]), kind="stable")]
     within = ball_search(points)
     for _ in range(20):
@@ -95,8 +95,8 @@ def poses() -> RigidTransform:
     return RigidTransform.concatenate([T[:7], T[:7]])
 
 
-def test_a_shifted_pass_is_told_and_a_true_one_is_not(scans) -> None:
-    """All walls are met: a shift along a diagonal of 0.4 m each way is 0.4 m across every one of them."""
+def test_a_shifted_pass_shows_in_the_crossing_error(scans) -> None:
+    """A diagonal shift by 0.4 m along each axis is 0.4 m across every wall."""
     truth = poses()
     shift = RigidTransform.from_translation([0.4, 0.4, 0.4])
     drifted = RigidTransform.concatenate([truth[:7], shift * truth[7:]])
@@ -104,7 +104,7 @@ def test_a_shifted_pass_is_told_and_a_true_one_is_not(scans) -> None:
     found = crossing_error(PlacedScans.of(scans, truth, COARSE, surveys=surveys), drifted)
     assert found.before is not None
     assert found.after is not None
-    assert found.after.median < 0.02  # ranges err by 0.02 m, and means of a voxel less
+    assert found.after.median < 0.02  # ranges have a noise of 0.02 m, means of a voxel less
     np.testing.assert_allclose(found.before.median, 0.4, atol=0.03)
     assert found.before.most >= found.before.median
     assert all(surveys[one.i] != surveys[one.j] for one in found.crossings)
@@ -113,7 +113,7 @@ def test_a_shifted_pass_is_told_and_a_true_one_is_not(scans) -> None:
     np.testing.assert_allclose(turned.before.median, found.before.median, atol=0.01)
 
 
-def test_only_scans_far_apart_cross_and_each_a_few_times(scans) -> None:
+def test_only_scans_far_apart_cross_and_each_only_a_few_times(scans) -> None:
     names = [2 * k for k in range(CROSSED)]
     found = crossing_error(PlacedScans.of(scans, poses(), COARSE, names), poses())
     assert found.crossings
@@ -121,10 +121,10 @@ def test_only_scans_far_apart_cross_and_each_a_few_times(scans) -> None:
     assert max(taken.count(end) for end in taken) <= PER_SCAN
     assert all(one.i in names and one.j - one.i >= APART for one in found.crossings)
     assert all(one.before == one.after for one in found.crossings)
-    assert CrossingError.of([found, found]).crossings == found.crossings * 2  # components are counted together
+    assert CrossingError.of([found, found]).crossings == found.crossings * 2  # of two components together
 
 
-def test_a_single_pass_crosses_nothing_and_another_number_of_poses_is_refused(scans) -> None:
+def test_a_single_pass_has_no_crossings_and_a_wrong_number_of_poses_is_refused(scans) -> None:
     found = crossing_error(PlacedScans.of(scans[:7], poses()[:7], COARSE), poses()[:7])
     assert found == CrossingError(())
     assert (found.before, found.after) == (None, None)
@@ -133,8 +133,8 @@ def test_a_single_pass_crosses_nothing_and_another_number_of_poses_is_refused(sc
         crossing_error(PlacedScans.of(scans, poses(), COARSE), poses()[:13])
 
 
-def test_a_point_is_asked_about_in_every_view() -> None:
-    """A point in the open before one wall: all that look that way contradict it; one on the wall is agreed with."""
+def test_every_view_votes_on_a_point() -> None:
+    """Every view contradicts a point in front of a wall, and agrees with a point on it."""
     T = RigidTransform.from_translation([[0.0, 3.0, 0.0], [0.4, 3.5, 0.2], [-0.5, 4.0, -0.3]])
     scans = scans_at(T, 0.0)
     points = Scan(np.array([[6.0, 4.0, 0.5], [12.0, 4.0, 0.5]], np.float32))
@@ -148,7 +148,7 @@ def test_a_point_is_asked_about_in_every_view() -> None:
 
 
 @pytest.mark.slow
-def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
+def test_layers_have_only_the_scans_and_views_of_their_survey() -> None:
     """A wall of the first survey that the second looks through stays in the first one's layer."""
     T = room_poses(COUNT)
     scans = scans_at(T, 0.0)
@@ -171,13 +171,13 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
     assert blocks(layers[1]) == 0
 
 
-def test_one_view_contradicts_nothing_and_no_view_neither() -> None:
+def test_a_single_view_or_none_contradicts_nothing() -> None:
     T = room_poses(6)
     scans = scans_at(T, 0.05)
     one = PlacedScans.of(scans[:1], T[:1], VOXEL)
     alone = fuse(one)
     assert len(clear(alone, one).points) == len(alone.points)
-    both = Scan(np.vstack([scans[0].points, 0.4 * scans[0].points]))  # as of two places put together
+    both = Scan(np.vstack([scans[0].points, 0.4 * scans[0].points]))  # like scans of two places merged
     assert not beams_of(both.points, VOXEL).single
     placed = PlacedScans.of([both], T[:1], VOXEL)
     found = votes(fuse(placed), placed)

@@ -1,4 +1,4 @@
-"""How sure a map's points are: what poses and ranges leave open, against drawn errors."""
+"""Sigmas of a map's points, by the errors of poses and ranges, compared with simulated errors."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,19 +19,19 @@ VOXEL, SPOTS, HITS, DRAWS = 2.0, 40, 6, 400
 
 
 def with_noise(placed: PlacedScans, sigma: float) -> PlacedScans:
-    """With ranges that err so much."""
+    """The scans with this range noise [m]."""
     beams = Beams(np.array([0.0]), np.array([sigma]), 0.01, single=True)
     return replace(placed, beams=(beams,) * len(placed.scans))
 
 
 def spots(rng: np.random.Generator) -> np.ndarray:
-    """(SPOTS, 3) middles of voxels, so far apart that small errors mix none [m, world]."""
+    """(SPOTS, 3) centers of voxels, too far apart for small errors to mix their points [m, world]."""
     places = rng.permutation(20**3)[:SPOTS]
     return 2.0 * np.stack(np.unravel_index(places, (20, 20, 20)), axis=1) - 19
 
 
 def scans_of_spots(T: RigidTransform, noise: float, rng: np.random.Generator) -> list[Scan]:
-    """From every pose, each spot so often, its range with this noise [m]."""
+    """A scan from every pose, with HITS echoes of each spot and this range noise [m]."""
     world = np.repeat(spots(np.random.default_rng(0)), HITS, axis=0)
     scans = []
     for pose in T:
@@ -53,7 +53,7 @@ def ratios(
     noise: float,
     errors: Callable[[], RigidTransform],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(SPOTS,) scatter over the draws of these errors, in sigmas of the first map, and those sigmas [m]."""
+    """(SPOTS,) scatter over the draws of these errors, divided by sigmas of the first map, and these sigmas [m]."""
     maps = []
     for _ in range(DRAWS):
         T = errors()
@@ -64,16 +64,16 @@ def ratios(
 
 @pytest.mark.parametrize("noise", [0.12])
 @pytest.mark.slow
-def test_one_scan_scatters_as_its_pose_and_its_ranges_do(noise: float) -> None:
-    """Every spot's scatter is within 12 % of sigma: four hundred draws of three coordinates tell it to 3 %."""
+def test_sigmas_of_one_scan_match_the_scatter(noise: float) -> None:
+    """Every spot's scatter is within 12 % of sigma; four hundred draws of three coordinates estimate it to 3 %."""
     rng = np.random.default_rng(2)
     truth, covariance = random_transforms(rng, 1, length=2.0), random_covariance(rng, 0.002, 0.02)
     ratio, sigma = ratios(rng, truth, covariance[None], noise, lambda: truth * drawn(rng, covariance, 1))
     np.testing.assert_allclose(ratio, 1.0, atol=0.12)
-    assert sigma.max() > 1.5 * sigma.min()  # the lever arm tells
+    assert sigma.max() > 1.5 * sigma.min()  # by the lever arm
 
 
-def test_the_surer_scan_counts_for_more() -> None:
+def test_the_scan_with_the_smaller_covariance_counts_more() -> None:
     scans = [Scan(np.array([[5.5, 0.4 + 0.2 * k, 0.5]], np.float32)) for k in range(2)]
     sure, vague = (np.diag(np.repeat([1e-9, sigma], 3) ** 2) for sigma in (0.1, 0.3))
     placed = PlacedScans.of(scans, RigidTransform.identity(2), VOXEL, covariances=np.stack([sure, vague]))
@@ -116,26 +116,26 @@ def test_moving_the_world_moves_the_map() -> None:
 
 
 @pytest.mark.parametrize("sigma", [0.15])
-def test_a_scan_tells_its_own_noise(sigma: float) -> None:
+def test_range_noise_is_estimated_from_a_scan(sigma: float) -> None:
     pose = room_poses(3)[1]
     scans = [look(pose, np.random.default_rng(seed), sigma, wild=0.02) for seed in range(6)]
     found = [beams_of(scan.points, 0.25) for scan in scans]
     assert all(beams.single for beams in found)
-    told = [np.median(beams.sigmas) for beams in found]
-    np.testing.assert_allclose(np.median(told), sigma, rtol=0.15)  # wild echoes widen it by a tenth
-    np.testing.assert_allclose(told, sigma, rtol=0.3)
+    sigmas = [np.median(beams.sigmas) for beams in found]
+    np.testing.assert_allclose(np.median(sigmas), sigma, rtol=0.15)  # wild echoes widen it by a tenth
+    np.testing.assert_allclose(sigmas, sigma, rtol=0.3)
     spacing = [np.degrees(beams.spacing) for beams in found]
     np.testing.assert_allclose(spacing, 0.9, atol=0.15)  # beams every 0.92 and 0.90 degrees
 
 
 @pytest.mark.parametrize("given", [{"surveys": (1, 2)}])
-def test_refuses_another_number_of_anything(given: dict) -> None:
+def test_refuses_surveys_of_another_length(given: dict) -> None:
     placed = PlacedScans.of([Scan(np.ones((1, 3), np.float32))], RigidTransform.identity(1), 1.0)
     with pytest.raises(InputError, match=f"1 scans and .* {next(iter(given))}"):
         replace(placed, **given)
 
 
-def test_a_scan_of_few_points_is_taken_for_no_view() -> None:
+def test_a_scan_of_few_points_is_no_single_view() -> None:
     found = beams_of(np.array([[1.0, 2, 3], [0, 0, 0]]), VOXEL)
     assert not found.single
     np.testing.assert_allclose(found.sigma(np.array([3.7])), VOXEL / np.sqrt(12))
@@ -152,7 +152,7 @@ def test_pose_variance_is_a_third_of_the_trace() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("together", [True, False])
-def test_scans_gain_from_their_number_only_where_they_err_apart_and_then_its_root_at_most(together: bool) -> None:
+def test_only_independent_errors_average_out(together: bool) -> None:
     rng, count = np.random.default_rng(6), 3
     truth = random_transforms(rng, count, length=2.0)
     covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(count)])

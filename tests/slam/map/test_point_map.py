@@ -1,4 +1,4 @@
-"""The fused map against a dictionary of voxels, the cells it is sorted into, and the predicted overlap of scans."""
+"""The fused map compared with a dictionary of voxels; the cells of points, and the predicted overlap of scans."""
 
 from collections import Counter, defaultdict
 from dataclasses import replace
@@ -18,7 +18,7 @@ from tests.samples.surveys import random_transforms, ring_poses, scans_of
 
 
 def random_scans(rng: np.random.Generator, count: int) -> list[Scan]:
-    """Every third one without echo strengths."""
+    """Scans of random points, every third one without echo strengths."""
     scans = []
     for k in range(count):
         points = (rng.normal(size=(60 + 20 * k, 3)) * [2, 1.5, 1]).astype(np.float32)
@@ -56,7 +56,7 @@ def test_a_map_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
         np.testing.assert_allclose(fused.strength[k], np.mean(known) if known else np.nan, rtol=1e-6)
 
 
-def test_far_from_the_world_s_origin_as_near():
+def test_a_map_far_from_the_origin_is_as_exact():
     """UTM coordinates: millions of meters with centimeters in them."""
     scan = random_scans(np.random.default_rng(1), 1)
     far = RigidTransform.from_translation([[500_000.0, 4_600_000.0, -20.0]])
@@ -67,7 +67,7 @@ def test_far_from_the_world_s_origin_as_near():
 
 
 @pytest.mark.parametrize(("scans", "poses", "voxel"), [(1, 2, 0.5), (1, 1, float("nan")), (1, 1, 1e-7)])
-def test_refuses_what_cannot_be_fused(scans, poses, voxel):
+def test_refuses_invalid_poses_and_voxels(scans, poses, voxel):
     with pytest.raises(InputError):
         fuse(PlacedScans.of(random_scans(np.random.default_rng(2), scans), RigidTransform.identity(poses), voxel))
 
@@ -94,7 +94,7 @@ def test_scans_far_from_their_sensor_are_mapped_whole():
     assert fused.count.sum() == len(scan.points)
 
 
-def test_the_shares_are_those_of_sets_of_cells_however_many_scans_there_are(monkeypatch: pytest.MonkeyPatch):
+def test_predicted_overlaps_agree_with_sets_of_cells(monkeypatch: pytest.MonkeyPatch):
     rng = np.random.default_rng(4)
     outlines = [rng.uniform(-3, 3, (int(rng.integers(1, 60)), 3)) for _ in range(23)]
     truth = random_transforms(rng, 23, 0.5, 3.0)
@@ -130,12 +130,12 @@ def test_cells_are_half_open_and_ordered():
     assert keys[3] < keys[0] < keys[5] < keys[4] < keys[2]
 
 
-def test_needs_no_strength():
+def test_scans_need_no_strength():
     T = ring_poses(6)
     assert fuse(PlacedScans.of(scans_of(T), T, 0.5)).strength is None
 
 
-def test_predicted_overlap_is_the_smaller_of_both_ways():
+def test_predicted_overlap_is_the_smaller_of_both_directions():
     truth = ring_poses(6, radius=8.0)
     scans = scans_of(truth)
     half = replace(scans[1], points=scans[1].points[scans[1].points[:, 0] > 0])

@@ -1,4 +1,4 @@
-"""Maps by portions of their scans: the same whoever works at them, and no more in memory than is worked at."""
+"""Maps by portions of their scans: the same with any portions and executor."""
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
@@ -70,9 +70,7 @@ def test_the_map_of_scans_on_disk_is_the_same(scans: list[Scan]) -> None:
 
 
 @pytest.mark.slow
-def test_of_many_scans_some_from_all_over_are_asked_for_crossings(
-    scans: list[Scan], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_crossings_of_many_scans_come_from_an_even_sample(scans: list[Scan], monkeypatch: pytest.MonkeyPatch) -> None:
     names = [5 * k for k in range(COUNT)]
     placed = PlacedScans.of(scans, TRUTH, 1.0, names)
     assert {0, 5} <= {end for each in crossing_error(placed, TRUTH).crossings for end in (each.i, each.j)}
@@ -82,7 +80,7 @@ def test_of_many_scans_some_from_all_over_are_asked_for_crossings(
     assert taken <= {0, 15, 30, 45}
 
 
-def test_portions_are_neighbors_of_so_many_points(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_portions_are_consecutive_scans_with_few_enough_points(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(portions, "_MOST_POINTS", 100)
     monkeypatch.setattr(portions, "_MOST_SCANS", 3)
     scans = [Scan(np.ones((size, 3), np.float32)) for size in (60, 40, 1, 250, 10, 10, 10, 10)]

@@ -1,4 +1,4 @@
-"""Lines of a multibeam echo sounder over a random relief: as they were, and as a recorder with biases has them."""
+"""Simulated lines of a multibeam echo sounder over a random relief: true, and as recorded with biases."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 from sonarmap.slam.pings.biases import Biases
 from sonarmap.slam.pings.line import PingLine
 
-# of the tests: latency 0.2 s, roll 0.5, pitch 1 and heading 1.5 degrees
+# latency 0.2 s, roll 0.5, pitch 1 and heading 1.5 degrees
 WRONG = Biases(0.2, *np.radians([0.5, 1.0, 1.5]).tolist())
 LEVER = np.array([0.35, -0.2, -0.6])  # the transducer in the vehicle, x forward, y port, z up [m]
 OPENING = np.radians(60.0)  # to either side
@@ -77,7 +77,7 @@ class Lane:
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """Lines as recorded, and as they were."""
+    """Lines as recorded, and the true ones."""
 
     recorded: list[PingLine]
     true: list[PingLine]
@@ -162,7 +162,7 @@ def _errors(
 
 
 def intersected(relief: Relief, origins: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """(N,) how far the relief is along rays [m], by secants."""
+    """(N,) ranges of the relief along rays [m], by the secant method."""
 
     def above(r: np.ndarray) -> np.ndarray:
         at = origins + r[:, None] * rays
@@ -180,12 +180,12 @@ def intersected(relief: Relief, origins: np.ndarray, rays: np.ndarray) -> np.nda
 
 
 def tilted(roll: float, pitch: float) -> np.ndarray:
-    """(3, 3) out of axes that are rolled starboard side down, and then pitched bow up."""
+    """(3, 3) rotation from axes that are rolled starboard side down and then pitched bow up."""
     a, b, c, d = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     return np.array([[c, 0, -d], [0, 1, 0], [d, 0, c]]) @ np.array([[1, 0, 0], [0, a, -b], [0, b, a]])
 
 
 def turned(heading: float) -> np.ndarray:
-    """(3, 3) out of axes that are turned clockwise."""
+    """(3, 3) rotation from axes that are turned clockwise."""
     a, b = np.cos(heading), np.sin(heading)
     return np.array([[a, b, 0], [-b, a, 0], [0, 0, 1]])

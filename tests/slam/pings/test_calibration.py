@@ -16,7 +16,7 @@ from tests.slam.pings.simulated_lines import WRONG, simulated
 def surveyed(
     seed: int, truth: Biases = WRONG, *, lost: bool = False, rms: float = 0.5, pings: int = 240, beams: int = 80
 ) -> list[PingLine]:
-    """Short lines as recorded, with navigation errors of a meter where the vehicle is `lost`."""
+    """Short lines as recorded, with navigation errors of a meter if `lost`."""
     constant, drift = ((1.0, 0.1), (0.15, 0.015)) if lost else ((0.0, 0.0), (0.0, 0.0))
     return simulated(seed, truth, rms, pings=pings, beams=beams, constant=constant, drift=drift).recorded
 

@@ -1,4 +1,4 @@
-"""How well lines agree where they cross."""
+"""Height differences of lines where they cross."""
 
 import json
 from dataclasses import replace
@@ -41,7 +41,7 @@ class TestCrossings:
         assert abs(true.all.mean) < 0.001
 
     def test_bent_beams_show_by_angle(self) -> None:
-        """Outer soundings of both lines are 0.1 m too high, and lie where the other line has its inner ones."""
+        """Outer soundings of both lines are 0.1 m too high; there, the other line has inner soundings."""
         own = plane("a", 1)
         level = own.points * [1, 1, 0] - [0, 0, 10]
         bent = replace(own, points=level + np.outer(own.points[:, 1] < -6, [0, 0, 0.1]))
@@ -73,7 +73,7 @@ class TestCrossings:
             crossings([])
 
     @pytest.mark.slow
-    def test_as_plain_numbers(self) -> None:
+    def test_json_has_plain_numbers(self) -> None:
         shown = json.loads(json.dumps(crossings(simulated(5, WRONG, pings=120, beams=64).recorded).to_json()))
         assert {"first", "second", "count", "mean_m"} <= set(shown["by_lines"][0])
         assert shown["by_angle"][-1]["to_deg"] <= 70

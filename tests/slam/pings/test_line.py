@@ -1,4 +1,4 @@
-"""Laws of lines, and of the biases that are taken out of them."""
+"""Lines, and their correction for biases."""
 
 from dataclasses import replace
 
@@ -81,19 +81,19 @@ class TestRefusal:
 
 
 class TestCorrected:
-    def test_without_biases_it_is_the_line(self, line: PingLine) -> None:
+    def test_zero_biases_change_nothing(self, line: PingLine) -> None:
         same = corrected(line, Biases())
         np.testing.assert_allclose(same.points, line.points, atol=1e-12)
         np.testing.assert_array_equal(same.places, line.places)
 
     @pytest.mark.parametrize("name", ONE)
-    def test_the_opposite_undoes_each(self, name: str, line: PingLine) -> None:
+    def test_the_opposite_undoes_each_bias(self, name: str, line: PingLine) -> None:
         back = corrected(corrected(line, ONE[name]), -ONE[name])
         np.testing.assert_allclose(back.points, line.points, atol=1e-11)
         np.testing.assert_allclose(back.places, line.places, atol=0.03)  # places are linear between pings
 
-    def test_soundings_turn_in_the_vehicle(self) -> None:
-        """On a vehicle that lies on its starboard side by a, a heading bias moves them in the plane of its deck."""
+    def test_soundings_turn_in_the_vehicle_frame(self) -> None:
+        """On a vehicle with a roll of `a`, a heading bias moves soundings parallel to its deck."""
         a, b = 0.3, 0.03
         y, z = -7 * np.cos(a) - 10 * np.sin(a), 7 * np.sin(a) - 10 * np.cos(a)  # in the vehicle
         x, y = y * np.sin(b), y * np.cos(b)
@@ -110,7 +110,7 @@ class TestCorrected:
         np.testing.assert_allclose(moved.points, line.points, atol=1e-12)
         np.testing.assert_array_equal(moved.stamps, stamps)
 
-    def test_what_a_wrong_recorder_made_becomes_what_was(self) -> None:
+    def test_corrected_recordings_are_the_true_lines(self) -> None:
         survey = simulated(4, pings=60, beams=16)
         for recorded, true in zip(survey.recorded, survey.true, strict=True):
             right = corrected(recorded, WRONG)
@@ -133,6 +133,6 @@ class TestCorrected:
         y, z = -7 * np.cos(a) + 10 * np.sin(a), -7 * np.sin(a) - 10 * np.cos(a)
         np.testing.assert_allclose(corrected(single(), Biases(roll=a)).points, [[2, 0.5 + y, -1 + z]], atol=1e-12)
 
-    def test_the_opposite_undoes_all_but_products(self, line: PingLine) -> None:
+    def test_the_opposite_undoes_all_biases_but_their_products(self, line: PingLine) -> None:
         back = corrected(corrected(line, WRONG), -WRONG)
         np.testing.assert_allclose(back.points, line.points, atol=25 * 0.025**2)

@@ -1,4 +1,4 @@
-"""A line cut into pieces, and put where a map has them."""
+"""A line cut into pieces, and moved to where a map has them."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def a_line(pings: int = 60, beams: int = 41, pause: float = 0.0) -> PingLine:
     return PingLine("a", 1e9 + t, places, attitudes, sensors, np.repeat(np.arange(pings), beams), points)
 
 
-def test_pieces_hold_every_sounding_once_where_the_line_has_it() -> None:
+def test_every_sounding_is_in_one_piece_at_its_place_in_the_line() -> None:
     line = a_line()
     pieces = cut(line, 12.0)
 
@@ -39,7 +39,7 @@ def test_pieces_hold_every_sounding_once_where_the_line_has_it() -> None:
         assert piece.stamp == line.stamps[piece.middle]
 
 
-def test_a_piece_is_half_as_long_as_the_swath_is_wide_and_goes_over_no_pause() -> None:
+def test_a_piece_is_half_a_swath_width_long_and_spans_no_pause() -> None:
     line = a_line(240)
     length = np.linalg.norm(line.places[-1] - line.places[0])
 
@@ -58,7 +58,7 @@ def test_a_line_without_soundings_or_a_length_below_0_is_refused() -> None:
         cut(line, -2.0)
 
 
-def test_a_rigid_move_of_all_pieces_is_one_of_the_line() -> None:
+def test_a_rigid_motion_of_all_pieces_moves_the_line() -> None:
     line = a_line()
     pieces = cut(line, 12.0)
     about = RigidTransform.from_translation([310.0, -70.0, -5.0])
@@ -70,19 +70,19 @@ def test_a_rigid_move_of_all_pieces_is_one_of_the_line() -> None:
     middles = np.array([piece.middle for piece in pieces])
     after, _ = moved(line, middles, T, _covariances(len(pieces)))
 
-    at_middles = np.isin(line.pings, middles)  # between them the change, in axes that turn, is not quite one
+    at_middles = np.isin(line.pings, middles)  # between them the interpolated correction is not quite rigid
     np.testing.assert_allclose(
         after.world_points()[at_middles], T_new_old.apply(line.world_points())[at_middles], atol=1e-6
     )
     off = np.linalg.norm(after.world_points() - T_new_old.apply(line.world_points()), axis=1)
-    between = (line.pings >= middles[0]) & (line.pings <= middles[-1])  # before and behind, the last change stays
+    between = (line.pings >= middles[0]) & (line.pings <= middles[-1])  # beyond them it is constant
     assert off[between].max() < 0.02
     R_vehicle = T_new_old.rotation * line.T_world_level.rotation * line.R_level_vehicle
     found = after.T_world_level.rotation * after.R_level_vehicle
     assert np.degrees((R_vehicle.inv() * found).magnitude()[middles]).max() < 1e-4
 
 
-def test_deviations_are_along_the_worlds_axes() -> None:
+def test_sigmas_are_along_the_axes_of_the_world() -> None:
     line = a_line()
     heading = line.attitudes[0, 2]
     pieces = cut(line, 12.0)

@@ -1,4 +1,4 @@
-"""Dense streams: few key scans, every scan registered to one, and how a vehicle is off a steady motion."""
+"""Dense streams: few key scans, every scan registered to one, and the deviations from a steady motion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -28,14 +28,14 @@ STREAM = ring_poses(COUNT, radius=6.0, turns=COUNT / 360)
 SCANS = scans_of(STREAM, reach=4.0)
 
 
-def way(i: int, j: int) -> float:
+def distance(i: int, j: int) -> float:
     return float(np.linalg.norm((STREAM[i].inv() * STREAM[j]).translation))
 
 
 def reach(i: int, j: int, given: Registration) -> Registration:
-    """What scans share falls with the way between them; none are registered over more than 1.5 m."""
-    near = way(i, j) < 1.5
-    return replace(given, overlap=max(0.0, 1 - way(i, j) / 4), accepted=near, probability=0.95 if near else 0.1)
+    """Overlap falls with distance; pairs more than 1.5 m apart are refused."""
+    near = distance(i, j) < 1.5
+    return replace(given, overlap=max(0.0, 1 - distance(i, j) / 4), accepted=near, probability=0.95 if near else 0.1)
 
 
 def mapped(
@@ -55,7 +55,7 @@ def largest_error(result: SurveyResult) -> float:
 
 
 @pytest.mark.slow
-def test_few_scans_are_registered_and_all_are_placed() -> None:
+def test_few_pairs_are_registered_and_all_scans_are_placed() -> None:
     result, registrar = mapped()
     assert result.keys is not None
     assert result.keys[0] == 0
@@ -71,14 +71,14 @@ def test_few_scans_are_registered_and_all_are_placed() -> None:
 
 
 def off_its_neighbors(result: SurveyResult, k: int) -> float:
-    """How far a scan is from where it is to the scan before it [m]."""
+    """Error of a scan's position relative to the scan before it [m]."""
     T = result.trajectory.T_world_sensor
     return float(np.linalg.norm((T[k - 1].inv() * T[k]).translation - (STREAM[k - 1].inv() * STREAM[k]).translation))
 
 
 @pytest.mark.slow
-def test_scans_between_that_no_registration_holds_are_told() -> None:
-    """One is refused beside both key scans, of another every registration is wrong."""
+def test_scans_without_a_usable_registration_are_interpolated() -> None:
+    """One scan is refused with both key scans, of another every registration is wrong."""
     refused, wrong = 40, 70
     rng = np.random.default_rng(8)
 
@@ -97,17 +97,17 @@ def test_scans_between_that_no_registration_holds_are_told() -> None:
     assert result.interpolated == (refused, wrong)
     assert all(sum(k in pair for pair in registrar.pairs) == 2 for k in result.interpolated)
     assert max(off_its_neighbors(result, k) for k in result.interpolated) < 0.1
-    # what was registered is surer
+    # registered scans are more certain
     traces = np.trace(result.covariances[:, 3:, 3:], axis1=1, axis2=2)
     assert traces[refused] > traces[refused - 1]
 
 
 def test_idle_workers_register_ahead_and_the_key_scans_are_the_same() -> None:
-    """Also where many strides are refused."""
+    """Also if many strides are refused."""
     widest = 0.6
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
-        return reach(i, j, given) if way(i, j) < widest else replace(given, accepted=False, probability=0.0)
+        return reach(i, j, given) if distance(i, j) < widest else replace(given, accepted=False, probability=0.0)
 
     def searched(workers: int) -> tuple[list[int], list[tuple[int, int]], list[int]]:
         here = Execution.here(KnowingRegistrar(STREAM, COVARIANCE, spoil), 2)
@@ -133,7 +133,7 @@ def test_idle_workers_register_ahead_and_the_key_scans_are_the_same() -> None:
 
 
 @pytest.mark.slow
-def test_fixes_of_scans_between_place_the_map() -> None:
+def test_fixes_of_scans_between_key_scans_place_the_map() -> None:
     world = RigidTransform.from_exp_coords([0, 0, 1.2, 300.0, -200.0, -15.0])
     sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.05])
     priors = {k: PosePrior(world * STREAM[k], sigmas) for k in range(7, COUNT, 10)}
@@ -145,7 +145,7 @@ def test_fixes_of_scans_between_place_the_map() -> None:
 
 
 @pytest.mark.slow
-def test_dead_reckoning_alone_joins_scans_of_which_few_can_be_registered() -> None:
+def test_dead_reckoning_joins_scans_that_cannot_be_registered() -> None:
     def spoil(i: int, j: int, given: Registration) -> Registration:
         return given if i < 3 else replace(given, accepted=False, probability=0.0)
 
@@ -161,7 +161,7 @@ STRIDE = 10  # scans from one key scan to the next
 
 
 def swinging(count: int, turn: float, shake: np.ndarray, seed: int = 2) -> RigidTransform:
-    """Scans a decimeter apart along a swinging that swings, with so much turn at most per scan [rad]."""
+    """Poses a decimeter apart along a swinging course that turns by at most `turn` per scan [rad]."""
     rng = np.random.default_rng(seed)
     heading = np.cumsum(turn * np.sin(2 * np.pi * np.arange(count) / 150))
     places = np.cumsum(0.1 * np.column_stack([np.cos(heading), np.sin(heading), np.zeros(count)]), axis=0)
@@ -170,7 +170,7 @@ def swinging(count: int, turn: float, shake: np.ndarray, seed: int = 2) -> Rigid
 
 
 def between(T: RigidTransform, offset: int) -> np.ndarray:
-    """(N, 6) what scans so far behind key scans are off a steady motion from there to the next one."""
+    """(N, 6) deviations of the scans `offset` after key scans from a steady motion to the next one."""
     first, last = T[:-1:STRIDE], T[STRIDE::STRIDE]
     steady = first * RigidTransform.from_exp_coords(offset / STRIDE * (first.inv() * last).as_exp_coords())
     return (steady.inv() * T[offset::STRIDE]).as_exp_coords()
@@ -178,40 +178,39 @@ def between(T: RigidTransform, offset: int) -> np.ndarray:
 
 @pytest.mark.parametrize("shake", [0.0 * SHAKE, SHAKE])
 @pytest.mark.parametrize("turn", [0.0, 0.02])
-def test_scans_between_are_as_far_off_as_key_scans_say(turn: float, shake: np.ndarray) -> None:
-    """Of three hundred strides; the scans between have never been looked at."""
+def test_variances_learned_from_key_scans_hold_for_scans_between(turn: float, shake: np.ndarray) -> None:
+    """Over three hundred strides; the scans between are not used to learn."""
     T = swinging(300 * STRIDE + 1, turn, shake)
     keys = np.arange(0, len(T), STRIDE)
-    told = Unsteadiness.of(T[keys], keys.astype(float), np.zeros(len(keys), int))
+    unsteadiness = Unsteadiness.of(T[keys], keys.astype(float), np.zeros(len(keys), int))
     for offset in (1, 5, 8):
         squares = (between(T, offset) ** 2).mean(axis=0)
-        # of what is assumed before, a 75th is left
-        left = 0.0134 * np.repeat([0.1 * max(turn * STRIDE, 0.05), 0.1], 3) ** 2
-        variance = told.variance(offset, STRIDE - offset)
+        # a 75th of the prior remains
+        prior = 0.0134 * np.repeat([0.1 * max(turn * STRIDE, 0.05), 0.1], 3) ** 2
+        variance = unsteadiness.variance(offset, STRIDE - offset)
         assert (squares < 1.6 * variance + 1e-9).all()
-        assert (variance < 2.5 * squares + 6 * left).all()
+        assert (variance < 2.5 * squares + 6 * prior).all()
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_a_few_key_scans_tell_little(count: int) -> None:
+def test_few_key_scans_leave_the_prior(count: int) -> None:
     T = swinging(STRIDE * count, 0.0, 0 * SHAKE)[::STRIDE]
-    told = Unsteadiness.of(T, np.arange(float(count)), np.zeros(count, int))
-    np.testing.assert_allclose(told.variance(0.5, 0.5)[3:], (0.1 * 1.0) ** 2, rtol=1e-6)
-    np.testing.assert_array_equal(told.shaken, 0)
+    unsteadiness = Unsteadiness.of(T, np.arange(float(count)), np.zeros(count, int))
+    np.testing.assert_allclose(unsteadiness.variance(0.5, 0.5)[3:], (0.1 * 1.0) ** 2, rtol=1e-6)
+    np.testing.assert_array_equal(unsteadiness.shaken, 0)
 
 
 @pytest.mark.slow
-def test_a_shaken_sensor_is_followed_by_registrations_or_else_by_dead_reckoning() -> None:
-    """The vehicle shakes from scan to scan."""
+def test_registrations_or_dead_reckoning_follow_a_shaken_sensor() -> None:
     shake = 0.05 * np.sin(2.5 * np.arange(COUNT))
     shaken = STREAM * RigidTransform.from_translation(np.outer(shake, [0, 0, 1.0]))
     odometry = Odometry(np.arange(COUNT), shaken, 100.0 + np.arange(COUNT))
     settings = MapperSettings(LoopSettings(per_scan=0))
 
     def error(
-        told: Odometry | None, spoil: Callable[[int, int, Registration], Registration] = reach
+        given: Odometry | None, spoil: Callable[[int, int, Registration], Registration] = reach
     ) -> tuple[float, set[int]]:
-        result = Mapper(KnowingRegistrar(shaken, COVARIANCE, spoil), VOXEL, settings).run(SCANS, odometry=told)
+        result = Mapper(KnowingRegistrar(shaken, COVARIANCE, spoil), VOXEL, settings).run(SCANS, odometry=given)
         T = result.trajectory.T_world_sensor
         off = (T[:-1].inv() * T[1:]).translation - (shaken[:-1].inv() * shaken[1:]).translation
         return float(np.sqrt((off**2).sum(axis=1).mean())), set(result.keys or ())
@@ -219,7 +218,7 @@ def test_a_shaken_sensor_is_followed_by_registrations_or_else_by_dead_reckoning(
     followed, keys = error(None)
 
     def keys_alone(i: int, j: int, given: Registration) -> Registration:
-        """As if scans between could not be registered, which makes no other key scans."""
+        """Refuse the scans between key scans; the key scans stay the same."""
         is_probe = j == i + 1 and j - 1 not in keys
         return reach(i, j, given) if is_probe or {i, j} <= keys else replace(given, accepted=False, probability=0.0)
 
@@ -229,21 +228,21 @@ def test_a_shaken_sensor_is_followed_by_registrations_or_else_by_dead_reckoning(
     assert error(odometry, keys_alone)[0] < 0.6 * steady
 
 
-def test_a_steady_turn_at_uneven_times_is_no_shaking() -> None:
-    """The speed of one number changes steadily; half of that is what is found."""
+def test_a_steady_acceleration_at_uneven_times_is_no_shaking() -> None:
+    """The speed along one axis changes steadily; `curved` is the square of half the acceleration."""
     times = np.array([0.0, 1.0, 3.0, 3.5, 6.0, 7.0, 9.0, 10.0, 12.0])
     T = RigidTransform.from_components(
         np.column_stack([0.5 * times, 0.01 * times**2, 0 * times]), Rotation.identity(len(times))
     )
-    told = Unsteadiness.of(T, times, np.zeros(len(times), int))
-    np.testing.assert_allclose(told.shaken, 0, atol=1e-20)
-    # five key scans know, four are assumed
-    assert told.curved[4] - told.curved[5] == pytest.approx(5 / 9 * 0.01**2)
+    unsteadiness = Unsteadiness.of(T, times, np.zeros(len(times), int))
+    np.testing.assert_allclose(unsteadiness.shaken, 0, atol=1e-20)
+    # five key scans count against a prior of four
+    assert unsteadiness.curved[4] - unsteadiness.curved[5] == pytest.approx(5 / 9 * 0.01**2)
 
 
 @pytest.mark.slow
-def test_a_stream_of_which_many_scans_show_little_is_one() -> None:
-    """Of seven consecutive pairs that are tried four are refused; a pair that is farther apart is none of these."""
+def test_a_stream_with_many_refused_probes_is_a_stream() -> None:
+    """Four of the seven probes are refused; pairs farther apart are not."""
     tried = np.unique(np.linspace(0, COUNT - 2, 7).astype(int))[::2].tolist()
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -258,7 +257,7 @@ def test_a_stream_of_which_many_scans_show_little_is_one() -> None:
 
 @pytest.mark.slow
 def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
-    """What was tried to find out is not tried again."""
+    """The probes are not registered again."""
     sparse = ring_poses(48)
     registrar = KnowingRegistrar(sparse, COVARIANCE)
     result = Mapper(registrar, VOXEL, MapperSettings(LoopSettings(per_scan=0))).run(scans_of(sparse))
@@ -270,15 +269,15 @@ def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
 def test_a_user_may_set_the_step() -> None:
     result, _ = mapped(step=0.5)
     assert result.keys is not None
-    ways = np.linalg.norm(np.diff(STREAM.translation[list(result.keys)], axis=0), axis=1)
-    assert 0.25 < np.median(ways) < 0.6
+    distances = np.linalg.norm(np.diff(STREAM.translation[list(result.keys)], axis=0), axis=1)
+    assert 0.25 < np.median(distances) < 0.6
     with pytest.raises(InputError, match="key_step"):
         KeySettings(0.0)
 
 
 @pytest.mark.slow
-def test_strides_go_on_along_a_wall() -> None:
-    """A direction that scans leave open is so at half the way as well; a wrong place is not."""
+def test_strides_stay_long_along_a_wall() -> None:
+    """An unconstrained direction does not shorten the stride, a wrong place does."""
 
     def along(place: float, i: int, j: int, given: Registration) -> Registration:
         if i < COUNT // 3 or j >= 2 * COUNT // 3:
@@ -296,8 +295,8 @@ def test_strides_go_on_along_a_wall() -> None:
     assert min(strides(place=0.95)) > 3
 
 
-def test_what_is_of_two_runs_is_not_compared() -> None:
-    """The same swinging twice, the second time far away and turned around."""
+def test_two_runs_are_not_compared() -> None:
+    """The same course twice, the second time far away and turned around."""
     T, count = swinging(400, 0.02, SHAKE)[::STRIDE], 40
     elsewhere = RigidTransform.from_components([50.0, -20.0, 5.0], Rotation.from_euler("z", 2.5))
     both = RigidTransform.concatenate([T, elsewhere * T])
