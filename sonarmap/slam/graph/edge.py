@@ -1,4 +1,4 @@
-"""One measurement between two poses, and graphs of these: components, spanning trees, edges that no path avoids."""
+"""Edges of a pose graph, and what follows from them: components, spanning trees and bridges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,10 +25,10 @@ class Edge:
         i, j: indices of the poses; equal for a prior, and only there.
         registration: `T_target_source` is T_i_j; for a prior it is T_world_i. The covariance is (6, 6),
             rotation first [rad, m], body tangent of j.
-        kind: "sequential" (consecutive scans), "loop" (any others), "odometry" (by dead reckoning), "tie" (a person
-            measured it), "guess" (consecutive scans, where the usual motion has them) or "prior" (of one pose, against
-            the world).
-        by_hand: whether a person vouches for it: then no other edge outweighs it.
+        kind: "sequential" (registered consecutive scans), "loop" (any other registered pair), "odometry" (dead
+            reckoning), "tie" (measured by a person), "guess" (consecutive scans, by the usual motion) or "prior" (a
+            pose in the world).
+        by_hand: whether a person vouches for it; it is then neither rejected nor down-weighted.
     """
 
     i: int
@@ -51,21 +51,21 @@ class Edge:
 
     @property
     def is_registered(self) -> bool:
-        """Whether a registration says so; else instruments or a person do."""
+        """Whether it is a registration of two scans."""
         return self.kind in ("sequential", "loop")
 
     @property
     def is_of_pair(self) -> bool:
-        """Whether it is what became of a pair of scans: registered, measured by a person, or guessed."""
+        """Whether it stands for a pair of scans: registered, measured by a person, or guessed."""
         return self.kind not in ("odometry", "prior")
 
     def with_scale_factor(self, factor: float) -> "Edge":
-        """The edge with its covariance multiplied, whatever took part in it: it contradicts others as it is."""
-        measured, alone = self.registration, self.registration.covariance_by_scans
+        """The edge with its whole covariance multiplied, unlike `scaled`, and that by the scans too."""
+        measured, by_scans = self.registration, self.registration.covariance_by_scans
         scaled = replace(
             measured,
             covariance=factor * measured.covariance,
-            covariance_by_scans=None if alone is None else factor * alone,
+            covariance_by_scans=None if by_scans is None else factor * by_scans,
         )
         return replace(self, registration=scaled)
 
@@ -75,9 +75,9 @@ class Edge:
 
 
 def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
-    """The edges with their covariances multiplied; of registrations that something else took part in, the scans' part.
+    """The edges with their covariances multiplied by `factor`.
 
-    How far a vehicle usually goes is no surer where registrations agree better.
+    Where instruments or the usual motion took part in a registration, only the scans' part of it is scaled.
     """
     given = [edge.registration for edge in edges]
     wider = [replace(registration, covariance=factor * registration.covariance) for registration in given]
@@ -92,12 +92,12 @@ def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
     alone = np.linalg.inv(by_scans)
     covariances = np.linalg.inv(alone / factor + (both - alone))
     covariances = (covariances + covariances.swapaxes(1, 2)) / 2
-    # from where the scans alone have it, the pull of the rest stays what it is
+    # relative to the scans' own estimate, the rest keeps its information vector
     T = RigidTransform.concatenate([registration.T_by_scans for registration in registrations])
-    away: np.ndarray = (
+    xi: np.ndarray = (
         T.inv() * RigidTransform.concatenate([each.T_target_source for each in registrations])
     ).as_exp_coords()
-    moved = T * RigidTransform.from_exp_coords(np.einsum("nab,nbc,nc->na", covariances, both, away))
+    moved = T * RigidTransform.from_exp_coords(np.einsum("nab,nbc,nc->na", covariances, both, xi))
     for n, k in enumerate(fused):
         widened = replace(
             registrations[n],
@@ -133,8 +133,7 @@ def inverse_definite(matrix: np.ndarray) -> np.ndarray:
 
 
 def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
-    """Edges that join every component of `count` poses without a cycle: consecutive scans, odometry, ties, then
-    loops, and guesses last."""
+    """Spanning forest of `count` poses; takes consecutive scans first, then odometry, ties, loops and guesses."""
     joined = DisjointSet(range(count))
     between = [edge for edge in edges if edge.kind != "prior"]
     order = get_args(Kind)
@@ -142,7 +141,7 @@ def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
 
 
 def components(count: int, edges: Sequence[Edge]) -> tuple[tuple[int, ...], ...]:
-    """The sets of poses that edges join, each ascending, in the order of their first poses."""
+    """Sets of poses that edges join, each ascending, in the order of their first poses."""
     joined = DisjointSet(range(count))
     for edge in edges:
         joined.merge(edge.i, edge.j)
@@ -150,13 +149,13 @@ def components(count: int, edges: Sequence[Edge]) -> tuple[tuple[int, ...], ...]
 
 
 def cut_edges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -> set[int]:
-    """The edges, by index, without which a component of `count` poses would fall apart (its bridges; Tarjan, IPL 1974).
+    """Indices of the bridges: edges without which a component of `count` poses would fall apart (Tarjan, IPL 1974).
 
-    Poses `in_world` hold together without edges.
+    Poses `in_world` are connected to each other without edges.
     """
     neighbors: list[list[tuple[int, int]]] = [[] for _ in range(count)]
     for number, (one, other) in enumerate(pairwise(in_world), len(edges)):
-        # twice, so that neither is necessary
+        # two parallel edges, so that neither is a bridge
         for index in (number, number + count):
             neighbors[one].append((other, index))
             neighbors[other].append((one, index))
@@ -164,7 +163,7 @@ def cut_edges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -
         if edge.kind != "prior":
             neighbors[edge.i].append((edge.j, index))
             neighbors[edge.j].append((edge.i, index))
-    order, low, necessary = [-1] * count, [0] * count, set[int]()
+    order, low, bridges = [-1] * count, [0] * count, set[int]()
     reached = 0
     for root in range(count):
         if order[root] >= 0:
@@ -180,25 +179,25 @@ def cut_edges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -
                     before = path[-1][0]
                     low[before] = min(low[before], low[pose])
                     if low[pose] == order[pose]:
-                        necessary.add(by)
+                        bridges.add(by)
             elif order[step[0]] >= 0:
                 low[pose] = min(low[pose], order[step[0]])
             else:
                 order[step[0]] = low[step[0]] = reached = reached + 1
                 path.append((*step, iter(neighbors[step[0]])))
-    return necessary
+    return bridges
 
 
 def placed(components: Sequence[Sequence[int]]) -> list[int]:
-    """The numbers of the components that are maps of their own, largest first, the earlier of equals.
+    """Indices of the components that are maps, largest first, and of equals the earlier first.
 
-    A scan that nothing joined to another is no map; where nothing joined any two, the first scan stands for all.
+    A single scan is no map; where no two scans are joined, the first one is the only map.
     """
     ranked = sorted(range(len(components)), key=lambda c: (-len(components[c]), c))
     return [c for c in ranked if len(components[c]) > 1] or ranked[:1]
 
 
 def unplaced(components: Sequence[Sequence[int]]) -> list[int]:
-    """The scans that are in no map, ascending."""
+    """Scans that are in no map, ascending."""
     maps = set(placed(components))
     return sorted(scan for c, members in enumerate(components) if c not in maps for scan in members)

@@ -1,4 +1,4 @@
-"""All that a pose graph knows as GTSAM's factors, and how far poses are from its edges."""
+"""GTSAM factors of a pose graph, and the residuals of its edges."""
 
 from collections.abc import Sequence
 
@@ -13,10 +13,10 @@ from sonarmap.slam.graph.tangent import lengths
 
 
 def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None) -> list[gtsam.NonlinearFactor]:
-    """What each edge says, for GTSAM; poses are keys 0..N-1.
+    """One GTSAM factor per edge, in their order; poses are keys 0..N-1.
 
     Args:
-        scale_factors: (E,) by which their covariances are multiplied; 1 by default.
+        scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
     """
     if not edges:
         return []
@@ -55,7 +55,7 @@ def _covariances(edges: Sequence[Edge]) -> np.ndarray:
 def _information_roots(covariances: np.ndarray) -> np.ndarray:
     """(E, 6, 6) upper triangular roots R of information R'R, with positive diagonals.
 
-    By the eigenvalues of the covariances: rounding of their inverses would hide how open a direction is.
+    They follow from the covariances' eigenvalues: inverting would round away how unconstrained a direction is.
     """
     values, axes = np.linalg.eigh(covariances)
     roots = np.linalg.qr(axes.swapaxes(1, 2) / np.sqrt(values)[:, :, None], mode="r")
@@ -63,10 +63,10 @@ def _information_roots(covariances: np.ndarray) -> np.ndarray:
 
 
 def gauge_factors(gauge: Gauge, sigma: float) -> list[gtsam.NonlinearFactor]:
-    """What is known of single poses: the anchors held where they are by `sigma` [rad, m], and what was measured."""
-    held, measured = gtsam.noiseModel.Isotropic.Sigma(6, sigma), gauge.by_priors
+    """GTSAM factors of single poses: anchors held with `sigma` [rad, m], priors, control points and held motions."""
+    noise, measured = gtsam.noiseModel.Isotropic.Sigma(6, sigma), gauge.by_priors
     return [
-        *(gtsam.PriorFactorPose3(pose, to_pose3(gauge.T_world[pose]), held) for pose in gauge.anchors),
+        *(gtsam.PriorFactorPose3(pose, to_pose3(gauge.T_world[pose]), noise) for pose in gauge.anchors),
         *(() if measured is None else measured.factors(gauge.T_world)),
         *(point.factor() for point in gauge.control),
         *(factor for each in gauge.beside_priors for factor in each.factors()),

@@ -1,8 +1,7 @@
-"""What fixes a pose graph's gauge: what ties its components to the world, and what is held where nothing does.
+"""The gauge of a pose graph: what fixes its components in the world, and what is held where no measurement does.
 
-Whatever was measured of single poses says something of the six motions of a whole component. The information about
-these, summed over its poses, has directions in which nothing is known: the gauge holds those alone, so that it pulls
-against no measurement.
+A measurement of a single pose informs about the six rigid motions of its whole component. Motions about which the sum
+over all its poses has no information are unconstrained: the gauge holds those alone, so that it biases no measurement.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,50 +17,50 @@ from sonarmap.slam.graph.known_pose import KnownPose, MeasuredPoses
 from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.spectral.scan import PosePrior
 
-# The motions of a component, in the order of `unmeasured`.
+# The rigid motions of a component, in the order of `unmeasured`.
 MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
-# A motion whose standard deviation is above these is open: a turn and its tilt [rad], and [m; turns by what they move
-# the poses]. Positions tell a tilt by how short they are: of a larger one a first-order deviation means little.
-_OPEN_TURN, _OPEN_TILT, _OPEN = 0.3, 0.1, 1e3
-# An open motion is held by this share of the standard deviation of the motion that is known best. Firmer, GTSAM takes
-# what is known least for unknown: a pivot 4096 times below its neighbor.
-_HELD = 0.1
-# Shares of an open motion below this are rounding.
-_SHARE = 0.1
+# Standard deviations above which a motion is unconstrained. A tilt's is a first-order one and means little if large.
+_OPEN_TURN = 0.3  # [rad]
+_OPEN_TILT = 0.1  # [rad]
+_OPEN = 1e3  # [m], turns times the lever
+# Standard deviation that holds an unconstrained motion, over that of the best-known one. With a smaller one GTSAM takes
+# the least-known motion for undetermined: a pivot 4096 times below its neighbor.
+_HELD_SHARE = 0.1
+_MIN_SHARE = 0.1  # smaller components of a unit motion are rounding
 
 
 @dataclass(frozen=True, slots=True)
 class OpenMotion:
-    """In which motions of a whole component nothing measured holds it."""
+    """The unconstrained rigid motions of a component."""
 
-    middle: RigidTransform  # T_world_middle, level, about which the motions are
-    axes: np.ndarray  # (6, k) orthonormal columns of (turn, shift) along the world's axes; k is 0 where all is known
-    lever: float  # what a turn counts [m], as columns hold turns times it
-    sigma: float  # with which they are held [m]
+    middle: RigidTransform  # T_world_middle, level, the center of the turns
+    axes: np.ndarray  # (6, k) orthonormal columns (lever * turn, shift) along the world's axes; k may be 0
+    lever: float  # length by which turns are multiplied in `axes` [m]
+    sigma: float  # standard deviation that holds them [m]
 
     @property
     def names(self) -> np.ndarray:
-        """(6,) bool: which of tilt, tilt, heading, East, North and Up are open (MEASURED)."""
-        return np.linalg.norm(self.axes, axis=1) > _SHARE
+        """(6,) bool: which of the motions MEASURED are unconstrained."""
+        return np.linalg.norm(self.axes, axis=1) > _MIN_SHARE
 
     def held(self, pose: int, T_world_pose: RigidTransform) -> KnownPose:
-        """What holds one pose where it is along the open motions."""
+        """The prior that holds one pose at T_world_pose along the unconstrained motions."""
         units = np.repeat([self.lever, 1.0], 3)[:, None]
         columns, _ = np.linalg.qr(units * (adjoint(T_world_pose.inv() * self.middle) @ (self.axes / units)))
         root = units * columns / self.sigma
         return KnownPose(pose, T_world_pose, root @ root.T)
 
 
-@dataclass(frozen=True)  # without slots: what is worked out is kept
+@dataclass(frozen=True)  # without slots: properties are cached
 class Gauge:
-    """What holds the poses of a graph where they are.
+    """What fixes the poses of a graph in the world.
 
-    Every connected component needs a tie to the world: its fixed poses or what is measured of its poses is that tie,
-    and where it has neither, its first pose is held (`anchors`). Motions that nothing measured are held there too.
+    Fixed poses or measurements of single poses fix a connected component. Without either its first pose is held
+    (`anchors`). Motions that no measurement constrains are held at the first pose too.
     """
 
-    T_world: RigidTransform  # N poses, about where they are
-    # edges, fixed, known, control: as of the graph
+    T_world: RigidTransform  # N poses, the linearization point
+    # edges, fixed, known, control: as of a `PoseGraph`
     edges: tuple[Edge, ...]
     fixed: tuple[int, ...]
     priors: Mapping[int, PosePrior]  # what instruments measured, by pose
@@ -70,9 +69,9 @@ class Gauge:
 
     @cached_property
     def components(self) -> tuple[tuple[int, ...], ...]:
-        """The sets of poses that share a frame, in the order of their first poses.
+        """Sets of poses that share a frame, in the order of their first poses.
 
-        They are those that edges join; what instruments place wholly in the world shares the world.
+        Edges join poses; all components that measurements fully place in the world are one.
         """
         parts = components(len(self.T_world), self.edges)
         motions = [self._open_motion(part) for part in parts] if self.measured else []
@@ -84,58 +83,58 @@ class Gauge:
 
     @cached_property
     def anchors(self) -> tuple[int, ...]:
-        """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
+        """Poses that are held: the fixed ones, and the first of each component that nothing else fixes."""
         held = self._tied.union(self.measured)
         first = (members[0] for members in self.components if held.isdisjoint(members))
         return tuple(sorted({*self.fixed, *first}))
 
     @cached_property
     def measured(self) -> set[int]:
-        """The poses of which something is measured."""
+        """Poses with an instrument's prior, a known pose or a control point."""
         return {*self.priors, *(known.pose for known in self.known), *(point.scan for point in self.control)}
 
     @property
     def in_world(self) -> list[int]:
-        """Poses of which instruments tell all six numbers, each by itself."""
+        """Poses whose own measurements determine all six numbers, ascending."""
         complete = {pose for pose, prior in self.priors.items() if prior.is_complete}
         return sorted(complete.union(known.pose for known in self.known if known.rank == 6))
 
     def lies_in_world(self, members: Sequence[int]) -> bool:
-        """Whether instruments or control points tell all of where one of the components lies."""
+        """Whether measurements fix all six motions of a component."""
         return members[0] not in self.open_motions and set(self.anchors).isdisjoint(members)
 
     @property
     def unmeasured(self) -> dict[int, np.ndarray]:
-        """By the first pose of each component that does not wholly lie in the world: (6,) bool what nobody measured."""
+        """(6,) bool, which motions are unconstrained, by the first pose of each partly measured component."""
         return {pose: motion.names for pose, motion in self.open_motions.items()}
 
     @cached_property
     def open_motions(self) -> dict[int, OpenMotion]:
-        """By the first pose of each component of which something is measured, but not all: what is not."""
+        """The unconstrained motions by the first pose of each partly measured component."""
         tied = self._tied if self.measured else set[int]()
         motions = {m[0]: self._open_motion(m) for m in self.components if self.measured and tied.isdisjoint(m)}
         return {pose: motion for pose, motion in motions.items() if motion is not None and motion.axes.size}
 
     @property
     def all_known(self) -> list[KnownPose]:
-        """All that is known of single poses but the anchors': `known`, the priors, and what is held beside these."""
+        """Priors of single poses, without the anchors': `known`, instruments', control points' and held motions'."""
         measured = self.by_priors
         control = [point.known_pose(self.T_world[point.scan]) for point in self.control]
         return [*self.beside_priors, *control, *([] if measured is None else measured.known(self.T_world))]
 
     @property
     def by_priors(self) -> MeasuredPoses | None:
-        """What instruments measured; None where nothing."""
+        """The instruments' priors as arrays; None without any."""
         return MeasuredPoses.of(self.priors) if self.priors else None
 
     @property
     def beside_priors(self) -> list[KnownPose]:
-        """What else is known, and what is held where nothing is known."""
+        """`known`, and the priors that hold unconstrained motions."""
         return [*self.known, *(motion.held(pose, self.T_world[pose]) for pose, motion in self.open_motions.items())]
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Measured numbers less free ones."""
+        """Measured numbers minus unknowns."""
         free = 6 * (len(self.T_world) - len(self.anchors))
         free -= sum(motion.axes.shape[1] for motion in self.open_motions.values())
         measured = 6 * len(self.edges) + 3 * len(self.control) + sum(known.rank for known in self.known)
@@ -143,7 +142,7 @@ class Gauge:
 
     @cached_property
     def _tied(self) -> set[int]:
-        """The poses that are fixed, or have a prior of all six numbers among the edges."""
+        """Poses that are fixed, or have a prior among the edges."""
         return {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed)
 
     def _open_motion(self, members: Sequence[int]) -> OpenMotion | None:
@@ -156,13 +155,13 @@ class Gauge:
 
 @dataclass(frozen=True, slots=True)
 class MotionInformation:
-    """What was measured of N poses, as information about motions of all of them as one body."""
+    """Information about rigid motions of N poses together, from all measurements of single poses."""
 
-    T_world: RigidTransform  # N poses, about where they are
-    about: RigidTransform  # T_world_about, level: the motions are a turn about it and a shift, along the world's axes
-    of_poses: np.ndarray  # (N, 6, 6) by what was measured of each
-    scans: np.ndarray  # (m,) int, of which poses places were measured
-    places: np.ndarray  # (m, 3) there [m]
+    T_world: RigidTransform  # N poses, the linearization point
+    about: RigidTransform  # T_world_about, level: a motion is a turn about it and a shift, along the world's axes
+    of_poses: np.ndarray  # (N, 6, 6) information from the measurements of each pose
+    scans: np.ndarray  # (m,) int, the pose of each measured place
+    places: np.ndarray  # (m, 3) positions of these places [m, world]
 
     @classmethod
     def of(
@@ -172,7 +171,7 @@ class MotionInformation:
         known: Sequence[KnownPose] = (),
         control: Sequence[ControlPoint] = (),
     ) -> "MotionInformation":
-        """Of what instruments measured, by pose; what else is known of poses; and control points."""
+        """From instruments' priors by pose, known poses, and control points."""
         about, count = RigidTransform.from_translation(T_world.translation.mean(axis=0)), len(T_world)
         of_poses, placed = np.zeros((count, 6, 6)), np.zeros(count, bool)
         if priors:
@@ -184,14 +183,14 @@ class MotionInformation:
             A = adjoint(T_world[each.pose].inv() * about)
             of_poses[each.pose] += A.T @ each.information @ A
         placed[[each.pose for each in known if each.information[3:, 3:].any()]] = True
-        own, points = np.flatnonzero(placed), [T_world[each.scan].apply(each.point) for each in control]
-        scans = np.concatenate([own, np.array([each.scan for each in control], np.intp)])
-        return cls(T_world, about, of_poses, scans, np.vstack([T_world.translation[own], *points]))
+        positioned, points = np.flatnonzero(placed), [T_world[each.scan].apply(each.point) for each in control]
+        scans = np.concatenate([positioned, np.array([each.scan for each in control], np.intp)])
+        return cls(T_world, about, of_poses, scans, np.vstack([T_world.translation[positioned], *points]))
 
     def open_motion(self, members: Sequence[int]) -> OpenMotion | None:
-        """What is open of the motions of a component's poses; None where nothing was measured of them.
+        """The unconstrained motions of a component; None where nothing was measured of its poses.
 
-        They are about the middle of the places that were measured, or of the poses where none was.
+        Their center is the mean of the measured places, or of the poses where no place was measured.
         """
         chosen = np.array(members)
         total = self.of_poses[chosen].sum(axis=0)
@@ -206,4 +205,4 @@ class MotionInformation:
         sigmas = 1 / np.sqrt(np.maximum(values, 1e-30))
         turns, tilts = (sigmas * np.linalg.norm(axes[:k], axis=0) / lever for k in (3, 2))
         free = (sigmas > _OPEN) | (turns > _OPEN_TURN) | (tilts > _OPEN_TILT)
-        return OpenMotion(middle, axes[:, free], lever, _HELD * float(sigmas.min()))
+        return OpenMotion(middle, axes[:, free], lever, _HELD_SHARE * float(sigmas.min()))

@@ -1,4 +1,4 @@
-"""Poses to GTSAM and back, and where relative rotations alone say that poses are."""
+"""Poses to GTSAM and back, and the chordal initial estimate."""
 
 import warnings
 
@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 from scipy.spatial.transform import RigidTransform, Rotation
 
-START_SIGMA = 1e-2  # [rad, m], of the priors that hold a pose about where it is in `chordal_start`
+START_SIGMA = 1e-2  # [rad, m], of the priors that anchor `chordal_start`
 
 
 def to_pose3(T: RigidTransform) -> gtsam.Pose3:
@@ -16,11 +16,7 @@ def to_pose3(T: RigidTransform) -> gtsam.Pose3:
 
 
 def to_values(T: RigidTransform) -> gtsam.Values:
-    """N transforms as GTSAM's values, under the keys 0..N-1.
-
-    Args:
-        T: N transforms.
-    """
+    """N transforms as GTSAM's values, under the keys 0..N-1."""
     values = gtsam.Values()
     for key, matrix in enumerate(T.as_matrix()):
         values.insert(key, gtsam.Pose3(matrix))
@@ -28,12 +24,7 @@ def to_values(T: RigidTransform) -> gtsam.Values:
 
 
 def to_transforms(values: gtsam.Values, count: int) -> RigidTransform:
-    """The transforms under the keys 0..count-1.
-
-    Args:
-        values: with a Pose3 under each of these keys.
-        count: how many.
-    """
+    """The transforms (Pose3) under the keys 0..count-1."""
     return RigidTransform.from_matrix(np.stack([values.atPose3(key).matrix() for key in range(count)]))
 
 
@@ -41,11 +32,11 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTrans
     """Poses 0..count-1 from measurements between them and priors, without an initial guess.
 
     The rotations are those of a linear relaxation (Carlone, Tron, Daniilidis and Dellaert, ICRA 2015,
-    DOI 10.1109/ICRA.2015.7139836); the translations are then the least squares of what they make of the measured ones.
+    DOI 10.1109/ICRA.2015.7139836); the translations are the least-squares solution for these rotations.
     Factors other than BetweenFactorPose3 and PriorFactorPose3 are ignored.
 
     Raises:
-        RuntimeError: the measurements do not tell every rotation and translation, or weigh too differently to be added.
+        RuntimeError: the measurements do not determine every pose, or their weights differ by too much to be added.
     """
     orientations = gtsam.InitializePose3.initializeOrientations(factors)
     R = np.stack([orientations.atRot3(key).matrix() for key in range(count)])
@@ -56,7 +47,7 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTrans
     moved = np.array([factor.measured().translation() for factor in between]).reshape(-1, 3)
     held = [factor.keys()[0] for factor in priors]
     places = np.array([factor.prior().translation() for factor in priors]).reshape(-1, 3)
-    weights = np.sqrt([_firmness(factor) for factor in (*between, *priors)])
+    weights = np.sqrt([_translation_information(factor) for factor in (*between, *priors)])
     row = np.arange(len(weights))
     first = len(between)
     differences = sparse.csr_array(
@@ -69,15 +60,15 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTrans
     wanted = weights[:, None] * np.vstack([np.einsum("mab,mb->ma", R[i], moved), places])
     normal = sparse.csc_array(differences.T @ differences)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", MatrixRankWarning)  # told below
+        warnings.simplefilter("ignore", MatrixRankWarning)  # raised below
         t = np.asarray(spsolve(normal, differences.T @ wanted)).reshape(count, 3)
     if not np.isfinite(t).all():
         raise RuntimeError("the measurements do not fix every translation")
     return RigidTransform.from_components(t, Rotation.from_matrix(R))
 
 
-def _firmness(factor: gtsam.NoiseModelFactor) -> float:
-    """The information of a measurement on translation, summed over the axes [1/m^2]."""
+def _translation_information(factor: gtsam.NoiseModelFactor) -> float:
+    """Trace of the information about the translation [1/m^2]."""
     noise = factor.noiseModel()
     assert isinstance(noise, gtsam.noiseModel.Gaussian)
     return float(np.trace(noise.information()[3:, 3:]))

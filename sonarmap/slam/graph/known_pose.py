@@ -1,4 +1,4 @@
-"""What is known of single poses beside the edges, whoever measured it, as factors of a graph."""
+"""Priors of single poses, from instruments and other sources, as GTSAM factors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,19 +11,17 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.geometry import cross_matrices, twist
 from sonarmap.spectral.scan import PosePrior
 
-# Of a pose that ties a component to the world [rad, m]: far below any registration's.
-GAUGE_SIGMA = 1e-6
-# Eigenvalues of an information matrix down to this share of the largest below 0 are rounded.
-_ROUNDED = 1e-9
+GAUGE_SIGMA = 1e-6  # [rad, m], of an anchor: far below any registration's
+_ROUNDED = 1e-9  # rounding errors of an information matrix, as a share of its largest element
 
 
 @dataclass(frozen=True, slots=True)
 class KnownPose:
-    """What is known of one pose: R = R_measured Exp(w) and t = t_measured + R_measured v, and how well w and v."""
+    """Prior of one pose: R = R_measured Exp(w) and t = t_measured + R_measured v, with the information about (w, v)."""
 
     pose: int  # its index
     T_world_pose: RigidTransform  # as measured
-    information: np.ndarray  # (6, 6) of (w, v) [1/rad^2, 1/m^2], symmetric; 0 in directions that are not known
+    information: np.ndarray  # (6, 6) of (w, v) [1/rad^2, 1/m^2], symmetric; 0 in unconstrained directions
 
     def __post_init__(self) -> None:
         name = f"the information about pose {self.pose}"
@@ -38,11 +36,11 @@ class KnownPose:
 
     @property
     def rank(self) -> int:
-        """How many numbers are known."""
+        """Number of constrained directions, 0..6."""
         return int(np.linalg.matrix_rank(self.information, hermitian=True, rtol=_ROUNDED))
 
     def factors(self) -> list[gtsam.NonlinearFactor]:
-        """For GTSAM: of the rotation and of the translation; where these are coupled one, of the pose's logarithm."""
+        """GTSAM factors of the rotation and of the translation, or one of the whole pose where these are coupled."""
         R, t = self.T_world_pose.rotation.as_matrix(), self.T_world_pose.translation
         turn, shift = self.information[:3, :3], R @ self.information[3:, 3:] @ R.T
         if self.information[:3, 3:].any():
@@ -57,14 +55,14 @@ def _root(information: np.ndarray) -> np.ndarray:
 
 
 def _noise(root: np.ndarray) -> gtsam.noiseModel.Base:
-    """Gaussian noise by the root of an information."""
+    """Gaussian noise with the information root' root."""
     return gtsam.noiseModel.Gaussian.SqrtInformation(root, False)
 
 
 def _prior_factors(
     pose: int, R: np.ndarray, t: np.ndarray, turn: np.ndarray, shift: np.ndarray
 ) -> list[gtsam.NonlinearFactor]:
-    """Of a rotation and of a translation, by the roots of their information; none of what is not known."""
+    """Factors of a rotation and of a translation from the roots of their information; none where that is 0."""
     factors: list[gtsam.NonlinearFactor] = []
     if turn.any():
         factors.append(gtsam.PoseRotationPrior3D(pose, gtsam.Rot3(R), _noise(turn)))
@@ -74,7 +72,7 @@ def _prior_factors(
 
 
 def blocks(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """(6, 6) of a (3, 3) matrix for turns and one for shifts."""
+    """(6, 6) block-diagonal matrix of two (3, 3) blocks, for the rotation and for the translation."""
     both = np.zeros((6, 6))
     both[:3, :3], both[3:, 3:] = turn, shift
     return both
@@ -82,15 +80,15 @@ def blocks(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredPoses:
-    """What was measured of n poses, as arrays."""
+    """Instruments' priors of n poses, as arrays."""
 
     poses: np.ndarray  # (n,) int, ascending
     T_world_pose: RigidTransform  # n, as measured; rotations level where the attitude is not measured
-    precisions: np.ndarray  # (n, 6) of the errors that `PosePrior` has [1/rad^2, 1/m^2]; 0 where not measured
+    precisions: np.ndarray  # (n, 6) inverse variances of `PosePrior`'s errors [1/rad^2, 1/m^2]; 0 where not measured
 
     @classmethod
     def of(cls, priors: Mapping[int, PosePrior]) -> "MeasuredPoses":
-        """Of at least one prior, by pose."""
+        """From at least one prior, by pose."""
         poses = sorted(priors)
         T = RigidTransform.concatenate([priors[k].T_world_sensor for k in poses])
         precisions = 1 / np.stack([priors[k].sigmas for k in poses]) ** 2
@@ -99,19 +97,19 @@ class MeasuredPoses:
         return cls(np.array(poses, np.intp), RigidTransform.from_components(T.translation, R), precisions)
 
     def residuals(self, T_world_pose: RigidTransform) -> np.ndarray:
-        """(n, 6) the errors that `PosePrior` has of the measured poses, were these n poses the true ones [rad, m];
-        those of what was not measured mean nothing."""
+        """(n, 6) errors of the measurements, as `PosePrior` defines them, if these n poses were true [rad, m]; those
+        of unmeasured numbers are meaningless."""
         R = self.headed(T_world_pose)
         w = Rotation.from_euler("Z", twist(R)[:, None]).inv().apply((T_world_pose.rotation * R.inv()).as_rotvec())
         return np.hstack([w, T_world_pose.translation - self.T_world_pose.translation])
 
     def jacobian(self, T_world_pose: RigidTransform, about: np.ndarray) -> np.ndarray:
-        """(n, 6, 6) of `residuals` by a motion of all n poses: a turn about a place (3,) and a shift, along the world's
-        axes. A heading that was not measured turns along."""
+        """(n, 6, 6) derivative of `residuals` with respect to a turn of all n poses about `about` (3,) and a shift,
+        along the world's axes. An unmeasured heading follows the turn."""
         R = self.headed(T_world_pose)
         phi = (T_world_pose.rotation * R.inv()).as_rotvec()
         cross, angle = cross_matrices(phi), np.maximum(np.linalg.norm(phi, axis=1), 1e-6)[:, None, None]
-        # of the logarithm of Exp(w) Exp(phi), by w
+        # derivative of log(Exp(w) Exp(phi)) with respect to w: the inverse left Jacobian of SO(3)
         second = 1 / angle**2 - (1 + np.cos(angle)) / (2 * angle * np.sin(np.minimum(angle, np.pi - 1e-6)))
         turns = np.eye(3) - cross / 2 + second * cross @ cross
         turns[self.precisions[:, 2] == 0, :, 2] = 0.0
@@ -121,13 +119,13 @@ class MeasuredPoses:
         return J
 
     def headed(self, T_world_pose: RigidTransform) -> Rotation:
-        """The n measured rotations; a heading that was not measured is that of these n poses."""
+        """The n measured rotations, with unmeasured headings taken from these n poses."""
         R = self.T_world_pose.rotation
         turned = Rotation.from_euler("Z", twist(T_world_pose.rotation * R.inv())[:, None]) * R
         return _chosen(self.precisions[:, 2] > 0, R, turned)
 
     def known(self, T_world_sensor: RigidTransform) -> list[KnownPose]:
-        """Pose by pose, headings as `headed` has them at an estimate of all N poses."""
+        """One prior per measured pose; unmeasured headings are those of an estimate of all N poses."""
         rotation = self.headed(T_world_sensor[self.poses])
         T = RigidTransform.from_components(self.T_world_pose.translation, rotation)
         R: np.ndarray = rotation.as_matrix()
@@ -137,7 +135,7 @@ class MeasuredPoses:
         return [KnownPose(k, T[n], information[n]) for n, k in enumerate(self.poses.tolist())]
 
     def factors(self, T_world_sensor: RigidTransform) -> list[gtsam.NonlinearFactor]:
-        """For GTSAM: of the rotation and of the translation of each, headings as for `known`."""
+        """GTSAM factors of each measured rotation and translation, headings as for `known`."""
         rotation = self.headed(T_world_sensor[self.poses])
         turns = _root(turn_information(rotation, self.precisions[:, :3]))
         shifts = np.sqrt(self.precisions[:, 3:, None]) * np.eye(3)
@@ -146,12 +144,12 @@ class MeasuredPoses:
 
 
 def _chosen(which: np.ndarray, R: Rotation, other: Rotation) -> Rotation:
-    """(n,) rotations: R where `which` says so, else the other."""
+    """(n,) rotations: R where `which` is true, else `other`."""
     return Rotation.from_quat(np.where(which[:, None], R.as_quat(), other.as_quat()))
 
 
 def turn_information(R: Rotation, precisions: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) about e, of R_true = R Exp(e) = Exp(w) R with w = Rz(h) v, h the twist of R and v of these precisions
-    (n, 3)."""
+    """(n, 3, 3) information about e in R_true = R Exp(e) = Exp(Rz(h) v) R, for h the twist of R and v with (n, 3)
+    precisions."""
     M: np.ndarray = (Rotation.from_euler("Z", twist(R)[:, None]).inv() * R).as_matrix()
     return M.swapaxes(1, 2) @ (precisions[:, :, None] * M)

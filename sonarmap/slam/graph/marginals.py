@@ -1,9 +1,8 @@
-"""How sure poses are, and how their errors depend on each other: what is asked of the inverse of an information matrix.
+"""Covariances of single poses and of pairs: blocks of the inverse of a sparse information matrix.
 
-An inverse is dense, but the entries where its factor is not zero follow from one another, from the last variable that
-was eliminated to the first (Takahashi, Fagan and Chin 1973; Kaess and Dellaert, Robotics and Autonomous Systems 2009,
-DOI 10.1016/j.robot.2009.06.008). That takes about as long as the elimination, and one pass tells all poses and as many
-pairs of them as are asked for.
+The inverse is dense, but its entries at the nonzeros of the factor follow from one another, from the last eliminated
+variable to the first (Takahashi, Fagan and Chin 1973; Kaess and Dellaert, Robotics and Autonomous Systems 2009,
+DOI 10.1016/j.robot.2009.06.008). That takes about as long as the elimination; one pass gives all poses and pairs.
 """
 
 from collections import Counter, defaultdict
@@ -22,32 +21,31 @@ class Marginals:
     """Covariances of N poses' body tangents, rotation first [rad, m]."""
 
     single: np.ndarray  # (N, 6, 6) of each pose
-    # (m, 6, 6) of each pair (i, j) that was asked for: the expectation of the error of i times that of j
-    across: np.ndarray
+    across: np.ndarray  # (m, 6, 6) of each requested pair (i, j), the expectation of (error of i) (error of j)'
 
 
 def marginals(linear: gtsam.GaussianFactorGraph, pairs: np.ndarray) -> Marginals:
-    """Of the keys 0..N-1, and of pairs of them.
+    """Covariances of the keys 0..N-1, and cross-covariances of pairs of them.
 
     Args:
         linear: factors at the optimum, of keys 0..N-1 with six numbers each.
         pairs: (m, 2) int, i and j differ.
 
     Raises:
-        RuntimeError: the factors do not tell every pose.
+        RuntimeError: the factors do not determine every pose.
     """
-    asked = linear.clone()
-    nothing, weight = np.zeros((1, _SIZE)), gtsam.noiseModel.Unit.Create(1)
+    extended = linear.clone()
+    zeros, weight = np.zeros((1, _SIZE)), gtsam.noiseModel.Unit.Create(1)
     for i, j in np.unique(np.sort(np.concatenate([pairs.reshape(-1, 2), _ties(linear)]), axis=1), axis=0).tolist():
-        # says nothing, but has the elimination keep how both depend on each other
-        asked.add(gtsam.JacobianFactor(i, nothing, j, nothing, np.zeros(1), weight))
-    # nested dissection, which takes half the time for pairs all over a plane; it ends the process on a single key
+        # adds no information, but makes the elimination keep the block of the pair
+        extended.add(gtsam.JacobianFactor(i, zeros, j, zeros, np.zeros(1), weight))
+    # nested dissection takes half the time for pairs spread over a plane; METIS crashes on a single key
     ordering = (
         gtsam.Ordering.MetisGaussianFactorGraph
         if linear.keys().size() > 1
         else gtsam.Ordering.ColamdGaussianFactorGraph
     )
-    return _Eliminated.of(_eliminated(asked, ordering(asked))).marginals(pairs.reshape(-1, 2))
+    return _Eliminated.of(_eliminated(extended, ordering(extended))).marginals(pairs.reshape(-1, 2))
 
 
 def require_unique(linear: gtsam.GaussianFactorGraph) -> None:
@@ -60,8 +58,8 @@ def require_unique(linear: gtsam.GaussianFactorGraph) -> None:
 
 
 def _eliminated(linear: gtsam.GaussianFactorGraph, ordering: gtsam.Ordering) -> gtsam.GaussianBayesNet:
-    """By Cholesky, or where that takes a pivot 4096 times below its neighbor for 0, as along a wall, by QR, which takes
-    three times as long."""
+    """Elimination by Cholesky; where that takes a pivot 4096 times below its neighbor for 0, as along a wall, by QR,
+    which takes three times as long."""
     try:
         return linear.eliminateSequential(ordering)
     except RuntimeError:
@@ -69,7 +67,7 @@ def _eliminated(linear: gtsam.GaussianFactorGraph, ordering: gtsam.Ordering) -> 
 
 
 def _ties(linear: gtsam.GaussianFactorGraph) -> np.ndarray:
-    """(p - 1, 2) pairs of keys that would join all p parts of a graph: METIS ends the process where it falls apart."""
+    """(p - 1, 2) pairs of keys that join the p components of a graph: METIS crashes on a disconnected one."""
     keys = [linear.at(k).keys() for k in range(linear.size())]
     ends = np.array([(key[0], key[-1]) for key in keys])
     count = int(ends.max()) + 1
@@ -80,11 +78,11 @@ def _ties(linear: gtsam.GaussianFactorGraph) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class _Eliminated:
-    """Variables in the order of their elimination, each given the later ones that its equations name."""
+    """A Bayes net: variables in the order of elimination, each conditioned on later ones."""
 
     place: np.ndarray  # (N,) int, each key's place in this order
-    later: list[np.ndarray]  # for each place the (s,) places, ascending, of the variables that its equations name
-    # for each place (6, 6), upper triangular, and `S`: (6, 6 s): R x + S x_later = noise of variance 1
+    later: list[np.ndarray]  # by place, the (s,) places of the variables that it is conditioned on, ascending
+    # R, S: by place, (6, 6) upper triangular and (6, 6 s): R x + S x_later = noise of variance 1
     R: list[np.ndarray]
     S: list[np.ndarray]
 
@@ -103,52 +101,52 @@ class _Eliminated:
         return cls(place, later, [conditional.R().copy() for conditional in conditionals], S)
 
     def marginals(self, pairs: np.ndarray) -> Marginals:
-        """From the last variable to the first: what a variable and those that it names are unsure of together."""
+        """Covariances of all variables and of pairs of keys, from the last variable to the first."""
         count = len(self.place)
         single, across = np.empty((count, _SIZE, _SIZE)), np.empty((len(pairs), _SIZE, _SIZE))
-        asked = self._asked(pairs)
+        pairs_of = self._pairs_by_place(pairs)
         parents = [int(later[0]) if len(later) else -1 for later in self.later]
         children = Counter(parents)
-        together: dict[int, np.ndarray] = {}  # of each variable and those that it names
+        joints: dict[int, np.ndarray] = {}  # joint covariance of each variable and its later ones
         for k in range(count - 1, -1, -1):
             later, parent = self.later[k], parents[k]
-            own = np.empty((_SIZE * (1 + len(later)),) * 2)
+            joint = np.empty((_SIZE * (1 + len(later)),) * 2)
             if parent >= 0:
-                own[_SIZE:, _SIZE:] = self._part(together[parent], parent, later)
-            self._fill(own, k)
-            single[k] = own[:_SIZE, :_SIZE]
-            for other, pair, first in asked.get(k, ()):
+                joint[_SIZE:, _SIZE:] = self._part(joints[parent], parent, later)
+            self._fill(joint, k)
+            single[k] = joint[:_SIZE, :_SIZE]
+            for other, pair, first in pairs_of.get(k, ()):
                 at = _SIZE * (1 + int(np.searchsorted(later, other)))
-                block = own[:_SIZE, at : at + _SIZE]
+                block = joint[:_SIZE, at : at + _SIZE]
                 across[pair] = block if first else block.T
             if children[k]:
-                together[k] = own
+                joints[k] = joint
             if parent >= 0:
                 children[parent] -= 1
                 if not children[parent]:
-                    del together[parent]
+                    del joints[parent]
         return Marginals(single[self.place], across)
 
-    def _fill(self, own: np.ndarray, k: int) -> None:
-        """The rows and columns of variable k, from the rest of `own`, which is known."""
+    def _fill(self, joint: np.ndarray, k: int) -> None:
+        """Fill the rows and columns of variable k from the rest of the joint covariance."""
         root = np.linalg.inv(self.R[k])
         gain = -root @ self.S[k]
-        across = gain @ own[_SIZE:, _SIZE:]
-        own[:_SIZE, _SIZE:], own[_SIZE:, :_SIZE] = across, across.T
-        own[:_SIZE, :_SIZE] = root @ root.T + across @ gain.T
+        across = gain @ joint[_SIZE:, _SIZE:]
+        joint[:_SIZE, _SIZE:], joint[_SIZE:, :_SIZE] = across, across.T
+        joint[:_SIZE, :_SIZE] = root @ root.T + across @ gain.T
 
-    def _part(self, together: np.ndarray, parent: int, later: np.ndarray) -> np.ndarray:
-        """What the parent knows together, of these variables alone."""
-        known = np.concatenate([[parent], self.later[parent]])
-        if len(known) == len(later):  # all of it
-            return together
-        chosen = np.searchsorted(known, later)
-        blocks = together.reshape(len(known), _SIZE, len(known), _SIZE)[chosen][:, :, chosen]
+    def _part(self, joint: np.ndarray, parent: int, later: np.ndarray) -> np.ndarray:
+        """The parent's joint covariance, restricted to the variables `later`."""
+        places = np.concatenate([[parent], self.later[parent]])
+        if len(places) == len(later):  # all of it
+            return joint
+        chosen = np.searchsorted(places, later)
+        blocks = joint.reshape(len(places), _SIZE, len(places), _SIZE)[chosen][:, :, chosen]
         return blocks.reshape(_SIZE * len(later), -1)
 
-    def _asked(self, pairs: np.ndarray) -> dict[int, list[tuple[int, int, bool]]]:
-        """The pairs by the place of their first variable: the other's place, the pair, and whether i is the first."""
-        asked: dict[int, list[tuple[int, int, bool]]] = defaultdict(list)
+    def _pairs_by_place(self, pairs: np.ndarray) -> dict[int, list[tuple[int, int, bool]]]:
+        """By the place of a pair's first variable: the other's place, the pair's index, and whether i is the first."""
+        pairs_of: dict[int, list[tuple[int, int, bool]]] = defaultdict(list)
         for pair, (a, b) in enumerate(self.place[pairs].tolist()):
-            asked[min(a, b)].append((max(a, b), pair, a < b))
-        return asked
+            pairs_of[min(a, b)].append((max(a, b), pair, a < b))
+        return pairs_of

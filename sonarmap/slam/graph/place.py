@@ -1,8 +1,8 @@
-"""Where a map lies in the world, as a start for an optimizer: by what instruments say, and by control points.
+"""Initial placement of maps in the world, by instruments' priors and by control points.
 
-By control points the rotation is the one of least squares (Kabsch 1976, DOI 10.1107/S0567739476001873; Umeyama 1991,
-DOI 10.1109/34.88573, without the scale), whatever one wrong point says: the fewest points that tell it are tried in all
-choices, and the choice is taken that the points on the whole are nearest to.
+The rotation by control points is that of least squares (Kabsch 1976, DOI 10.1107/S0567739476001873; Umeyama 1991,
+DOI 10.1109/34.88573, without the scale) over inliers. These are the points near to the minimal subset with the smallest
+median distance to all points.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,19 +19,19 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.geometry import measured_rotation, twist
 from sonarmap.spectral.scan import PosePrior
 
-# Tilts to begin with beside none, rotation vectors [rad].
+# Initial tilts beside none, rotation vectors [rad].
 _TILTS = [
     angle * np.array([np.cos(toward), np.sin(toward), 0.0])
     for angle in np.deg2rad([45.0, 90.0])
     for toward in np.deg2rad([0.0, 90.0, 180.0, 270.0])
 ]
-_LEVEL = 0.3  # how far a part's own tilt usually is from the world's, standard deviation [rad]
-_MOST_STEPS = 20  # of least squares
-_SMALL_FALL = 1e-3  # of chi-squared in a step, as a share, which ends them
-_FAR_SIGMAS = 2.0  # residuals beyond it count ever less
+_TILT_SIGMA = 0.3  # standard deviation of a component's tilt before it is placed [rad]
+_MAX_STEPS = 20  # of least squares
+_MIN_DECREASE = 1e-3  # relative decrease of the cost below which a step is the last
+_LOSS_SCALE = 2.0  # of the Cauchy loss [sigmas]
 _LINE = 0.02  # second extent over the first, below which points lie on a line
-_CHOICES = 300  # of the fewest points that determine a pose, at most
-_INLIER = 3.0  # median distances within which points take part in the final fit
+_MAX_SUBSETS = 300  # minimal subsets that are tried
+_INLIER = 3.0  # distance up to which a point is an inlier [median distances]
 
 _Fit = Callable[[np.ndarray, np.ndarray], RigidTransform]
 
@@ -39,13 +39,13 @@ _Fit = Callable[[np.ndarray, np.ndarray], RigidTransform]
 def place_in_world(
     trajectory: Trajectory, parts: Sequence[Sequence[int]], priors: Mapping[int, PosePrior]
 ) -> Trajectory:
-    """Each part moved as a whole to where its priors say, as a start for an optimizer; unmoved without priors.
+    """Each component moved rigidly to where its priors place it, as an initial estimate; unmoved without priors.
 
-    What they do not say stays as it is: the part's tilt, as its first sensor's, and its heading.
+    A tilt or heading that they do not determine stays as it is.
 
     Args:
-        trajectory: N poses, each part's in a frame of its own.
-        priors: what instruments measured, by pose (world East-North-Up).
+        trajectory: N poses, each component's in a frame of its own.
+        priors: instruments' measurements by pose (world East-North-Up).
     """
     poses = list(trajectory.T_world_sensor)
     for members in parts:
@@ -58,41 +58,40 @@ def place_in_world(
 
 
 def _placement(known: Mapping[int, PosePrior], T_part: RigidTransform) -> RigidTransform:
-    """T_world_part: the robust least squares of a motion of the part as a whole, from where tilt, then heading, then
-    position lead.
+    """T_world_part by robust least squares over rigid motions, started from tilt, then heading, then position.
 
-    Depths and positions tell the tilt too, where the part is not on a line: where nobody measured it, several tilts are
-    the beginning. Small ones are more likely, which matters only where the gauge holds what comes of it.
+    Depths and positions determine the tilt too, unless poses lie on a line; where no attitude was measured, several
+    tilts are tried as starts. Small tilts are preferred, which matters only where the gauge holds the tilt.
     """
     measured, tilts = MeasuredPoses.of(known), [_tilt(known, T_part)]
     if level := not any(prior.knows_attitude for prior in known.values()):
         tilts += [Rotation.from_rotvec(tilt) for tilt in _TILTS]
     starts = [_placed(known, T_part, tilt) for tilt in tilts]
     T = T_part[measured.poses]
-    usual = min(float(np.median(np.abs(_off(measured, T, start, level)[0]))) for start in starts)
-    fits = [_fitted(measured, T, start, _FAR_SIGMAS * max(1.0, usual), level) for start in starts]
-    return _fitted(measured, T, min(fits, key=lambda fit: fit[1])[0], _FAR_SIGMAS, level)[0]
+    typical = min(float(np.median(np.abs(_residuals(measured, T, start, level)[0]))) for start in starts)
+    fits = [_fitted(measured, T, start, _LOSS_SCALE * max(1.0, typical), level) for start in starts]
+    return _fitted(measured, T, min(fits, key=lambda fit: fit[1])[0], _LOSS_SCALE, level)[0]
 
 
 def _fitted(
     measured: MeasuredPoses, T_part_pose: RigidTransform, T_world_part: RigidTransform, scale: float, level: bool
 ) -> tuple[RigidTransform, float]:
-    """T_world_part by robust least squares from a start, and chi-squared; residuals beyond `scale` count ever less.
-    With `level` it is tilted as little as the rest allows."""
-    residuals, jacobian, about = _off(measured, T_part_pose, T_world_part, level)
+    """T_world_part by Levenberg-Marquardt from a start, with a Cauchy loss of `scale`, and its cost. `level` adds a
+    prior of no tilt."""
+    residuals, jacobian, about = _residuals(measured, T_part_pose, T_world_part, level)
     cost, damping = _cost(residuals, scale), 1e-3
-    for _ in range(_MOST_STEPS):
-        weighed = jacobian / (1 + (residuals / scale) ** 2)[:, None]
-        total = weighed.T @ jacobian
-        total += np.diag(damping * np.diag(total) + 1e-12 * np.trace(total))
-        step = np.linalg.solve(total, -weighed.T @ residuals)
+    for _ in range(_MAX_STEPS):
+        weighted = jacobian / (1 + (residuals / scale) ** 2)[:, None]
+        normal = weighted.T @ jacobian
+        normal += np.diag(damping * np.diag(normal) + 1e-12 * np.trace(normal))
+        step = np.linalg.solve(normal, -weighted.T @ residuals)
         moved = about * RigidTransform.from_components(step[3:], Rotation.from_rotvec(step[:3])) * about.inv()
-        tried = _off(measured, T_part_pose, moved * T_world_part, level)
+        tried = _residuals(measured, T_part_pose, moved * T_world_part, level)
         damping *= 10
-        if (less := _cost(tried[0], scale)) < cost:
-            fallen, cost, damping = cost - less, less, damping / 100
+        if (new_cost := _cost(tried[0], scale)) < cost:
+            decrease, cost, damping = cost - new_cost, new_cost, damping / 100
             (residuals, jacobian, about), T_world_part = tried, moved * T_world_part
-            if fallen < _SMALL_FALL * cost:
+            if decrease < _MIN_DECREASE * cost:
                 break
     return T_world_part, cost
 
@@ -101,11 +100,11 @@ def _cost(residuals: np.ndarray, scale: float) -> float:
     return float(scale**2 * np.log1p((residuals / scale) ** 2).sum())
 
 
-def _off(
+def _residuals(
     measured: MeasuredPoses, T_part_pose: RigidTransform, T_world_part: RigidTransform, level: bool
 ) -> tuple[np.ndarray, np.ndarray, RigidTransform]:
-    """How far poses are from each of m numbers that were measured, (m,) [sigmas]; (m, 6) by how much more with a turn
-    about their middle and a shift, along the world's axes; and T_world_middle. `level` counts the part's tilt too."""
+    """(m,) residuals of the measured numbers [sigmas]; their (m, 6) derivative with respect to a turn about the poses'
+    middle and a shift, along the world's axes; and T_world_middle. `level` adds two residuals for the tilt."""
     T = T_world_part * T_part_pose
     about = RigidTransform.from_translation(T.translation.mean(axis=0))
     known, weights = measured.precisions > 0, np.sqrt(measured.precisions)
@@ -113,26 +112,26 @@ def _off(
     jacobian = (measured.jacobian(T, about.translation) * weights[:, :, None])[known]
     if level:
         up = T_world_part.rotation.apply([0.0, 0.0, 1.0])
-        away, aside = np.arctan2(np.hypot(up[0], up[1]), up[2]) / _LEVEL, np.array([-up[1], up[0]])
-        residuals = np.append(residuals, away * aside / max(float(np.hypot(up[0], up[1])), 1e-12))
-        jacobian = np.vstack([jacobian, np.eye(2, 6) / _LEVEL])
+        tilt, axis = np.arctan2(np.hypot(up[0], up[1]), up[2]) / _TILT_SIGMA, np.array([-up[1], up[0]])
+        residuals = np.append(residuals, tilt * axis / max(float(np.hypot(up[0], up[1])), 1e-12))
+        jacobian = np.vstack([jacobian, np.eye(2, 6) / _TILT_SIGMA])
     return residuals, jacobian, about
 
 
 def _placed(known: Mapping[int, PosePrior], T_part: RigidTransform, tilt: Rotation) -> RigidTransform:
-    """T_world_part with a tilt."""
+    """T_world_part with a given tilt, and with the heading and position that `known` suggests."""
     R = Rotation.from_euler("Z", _heading(known, T_part, tilt)) * tilt
     offsets = np.array(
         [prior.T_world_sensor.translation - R.apply(T_part[k].translation) for k, prior in known.items()]
     )
     measured = np.array([np.isfinite(prior.sigmas[3:]) for prior in known.values()])
-    # the middle one: a few that are far off move nothing
-    middle = [np.median(own[told]) if told.any() else 0.0 for own, told in zip(offsets.T, measured.T, strict=True)]
-    return RigidTransform.from_components(np.array(middle), R)
+    # medians, which outliers do not move
+    shift = [np.median(axis[valid]) if valid.any() else 0.0 for axis, valid in zip(offsets.T, measured.T, strict=True)]
+    return RigidTransform.from_components(np.array(shift), R)
 
 
 def _tilt(known: Mapping[int, PosePrior], T_part: RigidTransform) -> Rotation:
-    """A rotation that brings the parts' verticals upright, on the whole."""
+    """The rotation that brings the mean of the measured verticals upright."""
     up = [
         T_part[k].rotation.apply(measured_rotation(prior).inv().apply([0.0, 0.0, 1.0]))
         for k, prior in known.items()
@@ -144,7 +143,7 @@ def _tilt(known: Mapping[int, PosePrior], T_part: RigidTransform) -> Rotation:
 
 
 def _heading(known: Mapping[int, PosePrior], T_part: RigidTransform, R: Rotation) -> float:
-    """The turn about the vertical that is left [rad]: by the headings, else by positions."""
+    """The turn about the vertical after R [rad], by measured headings, else by positions."""
     turns = [
         twist(measured_rotation(prior) * (R * T_part[k].rotation).inv())
         for k, prior in known.items()
@@ -167,15 +166,14 @@ def place_by_control(
     control: Sequence[ControlPoint],
     priors: Mapping[int, PosePrior],
 ) -> Trajectory:
-    """Each part moved as a whole to where its control points are, as far as they tell; unmoved without, or where
-    instruments tell all.
+    """Each component moved rigidly to its control points; unmoved without any, or where instruments fully place it.
 
-    Where attitudes are measured the part is turned about the vertical alone. A single point tells the place; two, or
-    points on a line, how the line lies, and the turn is the smallest that brings it there.
+    Where attitudes are measured it turns about the vertical alone. A single point gives the translation; two points,
+    or points on a line, the direction of that line, which the smallest turn brings about.
 
     Args:
-        trajectory: N poses, each part's in a frame of its own, upright where attitudes are measured.
-        control: points; those that hold the map count.
+        trajectory: N poses, each component's in a frame of its own, upright where attitudes are measured.
+        control: points, of which only those of use "control" take part.
     """
     poses = trajectory.T_world_sensor.as_matrix()
     for members in parts:
@@ -195,28 +193,28 @@ def place_by_control(
 
 
 def robust_fit(here: np.ndarray, there: np.ndarray, upright: bool = False) -> RigidTransform:
-    """T_there_here of (n, 3) points, most of which are right: the fit of those that the best few are near to.
+    """T_there_here of (n, 3) points with outliers: the fit to the inliers of the best minimal subset.
 
     Args:
         here, there: the same points in two frames [m], n at least 1.
         upright: whether both frames have the same vertical.
     """
     fit: _Fit = _fit_upright if upright else _fit
-    few = 2 if upright else 3
-    if len(here) <= few:
+    size = 2 if upright else 3
+    if len(here) <= size:
         return fit(here, there)
-    if comb(len(here), few) > _CHOICES:
+    if comb(len(here), size) > _MAX_SUBSETS:
         rng = np.random.default_rng(0)
-        choices = [rng.choice(len(here), few, replace=False) for _ in range(_CHOICES)]
+        subsets = [rng.choice(len(here), size, replace=False) for _ in range(_MAX_SUBSETS)]
     else:
-        choices = combinations(range(len(here)), few)
-    best, usual = np.arange(len(here)), np.inf
-    for choice in choices:
-        T = fit(here[list(choice)], there[list(choice)])
-        apart = np.linalg.norm(T.apply(here) - there, axis=1)
-        if (median := float(np.median(apart))) < usual:
-            best, usual = np.flatnonzero(apart <= _INLIER * max(median, 1e-9)), median
-    return fit(here[best], there[best])
+        subsets = combinations(range(len(here)), size)
+    inliers, smallest = np.arange(len(here)), np.inf
+    for subset in subsets:
+        T = fit(here[list(subset)], there[list(subset)])
+        distances = np.linalg.norm(T.apply(here) - there, axis=1)
+        if (median := float(np.median(distances))) < smallest:
+            inliers, smallest = np.flatnonzero(distances <= _INLIER * max(median, 1e-9)), median
+    return fit(here[inliers], there[inliers])
 
 
 def _fit(here: np.ndarray, there: np.ndarray) -> RigidTransform:

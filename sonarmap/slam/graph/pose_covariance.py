@@ -1,12 +1,10 @@
-"""How sure the poses are: what a survey's own registrations say of their errors, and what they cannot say.
+"""Covariances of a survey's poses, scaled to the errors that its own registrations show.
 
-A registration's covariance has to hold for every sonar, and is too wide for most. How well a survey's registrations
-agree where they close cycles tells how large its errors are: chi-squared over its degrees of freedom. Errors that
-registrations share do not show there. All registrations of a scan share that scan's noise, so that edges are less sure
-than their cycles say; and all of a survey fall a little short, as every scan has its own gaps, rims and lobes, which
-move with the sensor: poses are the less sure the longer the way. What instruments measured of a pose is as sure as it
-was measured. The constants were found with the spectral registration on simulated surveys; docs/measured has the
-figures.
+A registration's covariance has to hold for every sonar, and is too wide for most. The scale of a survey's errors
+follows from its cycles, as chi-squared over its degrees of freedom. Errors that registrations share do not show there:
+all registrations of a scan share its noise, so edges err by more than cycles show; and all steps of a survey are a
+little too short, as the gaps, rims and lobes of scans move with the sensor, so pose errors grow with the distance.
+Instruments' measurements keep their stated errors. docs/measured has the simulated surveys behind the constants.
 """
 
 from collections.abc import Sequence
@@ -23,44 +21,42 @@ from sonarmap.slam.graph.known_pose import KnownPose
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.tangent import adjoint
 
-# The variance of an edge's error over what cycles say of it.
-_OF_EDGES = 13.0
-# How much all steps of a survey fall short together: the variance, as a share of a step's own.
-_SCALE = 0.02
-# Degrees of freedom of the errors' tails, and how often edges are weighed anew.
-_TAILS, _REWEIGHTED = 4.0, 4
-# Chi-squared over its degrees of freedom before a graph has loops enough to tell, and how many these are worth.
-_EXPECTED, _WORTH = 0.15, 3.0
+_EDGE_VARIANCE = 13.0  # variance of an edge's error, over that which cycles show
+_SCALE_VARIANCE = 0.02  # variance of the scale error that all steps share, over a step's own
+_TAIL_FREEDOM = 4.0  # degrees of freedom of Student's t distribution of the errors
+_REWEIGHTINGS = 4  # iterations of reweighted least squares
+_PRIOR_QUOTIENT = 0.15  # chi-squared over its degrees of freedom that is expected of a graph without loops
+_PRIOR_FREEDOM = 3.0  # degrees of freedom that this expectation counts as
 
 
 def weighed(graph: PoseGraph) -> PoseGraph:
-    """The graph with its edges' covariances as large as their errors.
+    """The graph with its edges' covariances scaled to their errors.
 
-    One factor for all registrations, by how well cycles close; and more for an edge that the others contradict, as
-    heavy tails would have it: two scans that saw a place from opposite sides err alike, by more than their noise says.
-    Student's t with 4 degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI
-    10.2307/2290063). An edge that a person vouches for does not tell how large errors are where others contradict it,
-    and weighs in full nevertheless.
+    One factor for all registrations follows from how well cycles close. An edge that the others contradict gets a
+    further one, by Student's t with 4 degrees of freedom and reweighted least squares (Lange, Little and Taylor, DOI
+    10.2307/2290063): scans from opposite sides of a place err by more than their noise. An edge that a person vouches
+    for is down-weighted only to find the common factor, not in the result.
 
     Args:
-        graph: with its kept edges, about their optimum; what instruments say does not count, and is not scaled.
+        graph: its kept edges, near their optimum; instruments' measurements take no part and are not scaled.
     """
     alone = graph.registered_alone
-    weights, quotient = np.ones(len(alone.edges)), _EXPECTED
-    for _ in range(_REWEIGHTED if weights.size else 0):
+    weights, quotient = np.ones(len(alone.edges)), _PRIOR_QUOTIENT
+    for _ in range(_REWEIGHTINGS if weights.size else 0):
         solution = alone.optimize(covariances=False, scale_factors=1 / weights)
         alone = alone.at(solution.trajectory.T_world_sensor)
         squared = solution.residuals**2  # weighted
-        quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)
-        weights = np.minimum(1.0, (_TAILS + 6) / (_TAILS + squared / weights / quotient))
+        quotient = (squared.sum() + _PRIOR_FREEDOM * _PRIOR_QUOTIENT) / (solution.degrees_of_freedom + _PRIOR_FREEDOM)
+        weights = np.minimum(1.0, (_TAIL_FREEDOM + 6) / (_TAIL_FREEDOM + squared / weights / quotient))
     scale_factors = np.ones(len(graph.edges))
     scale_factors[[edge.is_registered for edge in graph.edges]] = 1 / weights
     scale_factors[[edge.by_hand for edge in graph.edges]] = 1.0
-    return graph.scaled(_OF_EDGES * quotient).with_scale_factors(scale_factors)
+    return graph.scaled(_EDGE_VARIANCE * quotient).with_scale_factors(scale_factors)
 
 
 def pose_covariances(solution: Solution) -> np.ndarray:
-    """(N, 6, 6) of each pose, rotation first [rad, m], body tangent, against its component's anchor, or the world.
+    """(N, 6, 6) covariance of each pose, rotation first [rad, m], body tangent, relative to its component's anchor or
+    the world.
 
     Args:
         solution: of a graph that has been `weighed`.
@@ -76,21 +72,21 @@ def pose_covariances(solution: Solution) -> np.ndarray:
         held = [k for k in component if k in holding]
         middle = T[held[0]].translation if held else T[list(component)].translation.mean(axis=0)
         for k in component:
-            # what falls short on the way from where the component is held
-            away = T[k].rotation.inv().apply(T[k].translation - middle)
+            # the common scale error grows with the distance from where the component is held
+            offset = T[k].rotation.inv().apply(T[k].translation - middle)
             by_edges = _positive(inverse_definite(marginals[k]) - measured[k])
-            result[k] = np.linalg.inv(_widened(by_edges, scale_variance * np.outer(away, away)) + measured[k])
+            result[k] = np.linalg.inv(_widened(by_edges, scale_variance * np.outer(offset, offset)) + measured[k])
     for k in graph.anchors:
         result[k] = marginals[k]
     return (result + result.swapaxes(1, 2)) / 2
 
 
 def joint_covariance(graph: PoseGraph, poses: Sequence[int]) -> np.ndarray:
-    """(6 k, 6 k) covariance of the errors of k of the N poses, six rows each, rotation first [rad, m]: of the left
-    tangent, T_true = Exp(xi) T_world_sensor, so that a point p of a pose errs by w x p + v.
+    """(6 k, 6 k) joint covariance of k of the N poses, six rows each, rotation first [rad, m]: of the left tangent,
+    T_true = Exp(xi) T_world_sensor, by which a world point p of a pose errs by w x p + v.
 
     Args:
-        graph: at its optimum, with its edges as `weighed`.
+        graph: at its optimum, with its edges scaled by `weighed`.
 
     Raises:
         InputError: the edges do not determine every pose.
@@ -99,14 +95,14 @@ def joint_covariance(graph: PoseGraph, poses: Sequence[int]) -> np.ndarray:
     T = graph.trajectory.T_world_sensor
     row, column, entry = factors_of(graph).linearize(to_values(T)).sparseJacobian_()
     size = 6 * len(graph.trajectory)
-    inside = column <= size  # behind it are the residuals
+    inside = column <= size  # the last column holds the residuals
     places = row[inside].astype(np.intp) - 1, column[inside].astype(np.intp) - 1
     jacobian = sparse.csc_array((entry[inside], places), shape=(int(row.max()), size))
     rows = (6 * chosen[:, None] + np.arange(6)).ravel()
-    asked = np.zeros((size, len(rows)))
-    asked[rows, np.arange(len(rows))] = 1.0
+    units = np.zeros((size, len(rows)))
+    units[rows, np.arange(len(rows))] = 1.0
     try:
-        in_bodies = splu(sparse.csc_array(jacobian.T @ jacobian)).solve(asked)[rows]
+        in_bodies = splu(sparse.csc_array(jacobian.T @ jacobian)).solve(units)[rows]
     except RuntimeError as error:
         raise graph.unsolvable(error) from error
     A = adjoint(T[chosen])
@@ -117,30 +113,30 @@ def joint_covariance(graph: PoseGraph, poses: Sequence[int]) -> np.ndarray:
 
 
 def _in_body(known: KnownPose, T_world_pose: RigidTransform) -> np.ndarray:
-    """(6, 6) the information about a pose's body tangent, where the estimate has it."""
+    """(6, 6) information of a prior about the body tangent at T_world_pose."""
     turn = block_diag(np.eye(3), (known.T_world_pose.rotation.inv() * T_world_pose.rotation).as_matrix())
     return turn.T @ known.information @ turn
 
 
 def _positive(information: np.ndarray) -> np.ndarray:
-    """Without what is negative by rounding, where instruments alone place a pose."""
+    """The information without negative eigenvalues, which are rounding where instruments alone place a pose."""
     values, axes = np.linalg.eigh((information + information.T) / 2)
     return (axes * np.maximum(values, 0.0)) @ axes.T
 
 
 def _widened(information: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """(6, 6) the information when a (3, 3) covariance of the shift is added; of the same rank."""
+    """(6, 6) information after a (3, 3) covariance is added to the translation's; of the same rank."""
     across = information[:, 3:]
     return information - across @ np.linalg.solve(np.eye(3) + shift @ information[3:, 3:], shift @ across.T)
 
 
 def _scale_variance(solution: Solution) -> float:
-    """The variance of how far all steps are too short together, as a share of their lengths: of the median step."""
+    """Variance of the relative scale error that all steps share, from the median step."""
     shares: list[float] = []
     for edge in solution.graph.edges:
         T = edge.registration.T_target_source
-        way = float(np.linalg.norm(T.translation))
-        if edge.kind == "sequential" and way > 0:
-            along = T.rotation.inv().apply(T.translation / way)
-            shares.append(float(along @ edge.registration.covariance[3:, 3:] @ along) / way**2)
-    return _SCALE * float(np.median(shares)) if shares else 0.0
+        length = float(np.linalg.norm(T.translation))
+        if edge.kind == "sequential" and length > 0:
+            along = T.rotation.inv().apply(T.translation / length)
+            shares.append(float(along @ edge.registration.covariance[3:, 3:] @ along) / length**2)
+    return _SCALE_VARIANCE * float(np.median(shares)) if shares else 0.0

@@ -27,19 +27,19 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
 
 
-@dataclass(frozen=True)  # without slots: what is worked out from the edges is kept
+@dataclass(frozen=True)  # without slots: properties are cached
 class PoseGraph:
-    """An estimate and the measurements it has to agree with.
+    """An initial estimate of poses, and the measurements to optimize it by.
 
-    What ties it to the world, and what is held where nothing does, is its `gauge`.
+    Its `gauge` fixes it in the world.
 
     Attributes:
         trajectory: the initial estimate of N poses.
         edges: measurements; their covariances are used in full and as they are.
         fixed: poses held at their initial estimate.
-        priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
-        known: what else is known of single poses, as a file says it.
-        control: points of poses, held to their places in the world; the trajectory is in it (`place_by_control`).
+        priors: (pose, instruments' prior); the trajectory is in their world (`place_in_world`).
+        known: other priors of single poses, as from a file.
+        control: control points; the trajectory is in their world (`place_by_control`).
     """
 
     trajectory: Trajectory
@@ -66,24 +66,24 @@ class PoseGraph:
 
     @property
     def components(self) -> tuple[tuple[int, ...], ...]:
-        """The sets of poses that share a frame, in the order of their first poses."""
+        """Sets of poses that share a frame, in the order of their first poses."""
         return self.gauge.components
 
     @property
     def anchors(self) -> tuple[int, ...]:
-        """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
+        """Poses that are held: the fixed ones, and the first of each component that nothing else fixes."""
         return self.gauge.anchors
 
     @property
     def chi_squared(self) -> float:
-        """The sum of the edges' squared residuals in sigmas, at the trajectory as it is."""
+        """Sum of the squared residuals of all measurements, in sigmas, at the trajectory as it is."""
         return 2 * factors_of(self).error(to_values(self.trajectory.T_world_sensor))
 
     def at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
         return replace(self, trajectory=Trajectory(self.trajectory.stamps, T_world_sensor))
 
     def keep(self, chosen: np.ndarray) -> "PoseGraph":
-        """The graph with those of its E edges alone that `chosen`, (E,) bool, says."""
+        """The graph with only the edges that `chosen`, (E,) bool, selects."""
         kept = tuple(edge for edge, take in zip(self.edges, chosen, strict=True) if take)
         return replace(self, edges=kept)
 
@@ -108,10 +108,10 @@ class PoseGraph:
         return residuals_of(self.edges, self.trajectory.T_world_sensor)
 
     def from_edges(self) -> "PoseGraph":
-        """The same graph with an initial estimate that its edges alone tell (`chordal_start`); anchors stay.
+        """The same graph with an initial estimate from its edges alone (`chordal_start`); anchors stay.
 
         Raises:
-            InputError: the edges do not tell every pose.
+            InputError: the edges do not determine every pose.
         """
         try:
             without = replace(self, priors=(), known=(), control=())
@@ -121,9 +121,9 @@ class PoseGraph:
         return self.placed_at(started)
 
     def placed_at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
-        """The same edges with these N poses, what edges join moved as a whole, so that its anchors are where they were.
+        """The graph at these N poses, each connected set moved rigidly so that its anchors stay where they are.
 
-        A part whose place is measured is moved so that its first measured pose is where it was.
+        A set without anchors is moved so that its first measured pose stays where it is.
         """
         initial, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
         anchors, measured = self.anchors, self.gauge.measured
@@ -138,7 +138,7 @@ class PoseGraph:
         return self.at(RigidTransform.from_matrix(matrices))
 
     def unsolvable(self, error: RuntimeError) -> InputError:
-        """What to say where GTSAM cannot solve for the poses."""
+        """The error to raise where GTSAM cannot solve for the poses."""
         return InputError(
             f"the pose graph of {len(self.trajectory)} poses and {len(self.edges)} edges has no unique "
             f"solution ({str(error).strip().splitlines()[0]}); look for covariances that are far too "
@@ -151,7 +151,7 @@ class PoseGraph:
         """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
 
         Args:
-            covariances: whether the solution has these, which takes a unique one; poses and residuals take none.
+            covariances: whether the solution has these, which needs a unique optimum; poses and residuals do not.
             scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
 
         Raises:
@@ -161,7 +161,7 @@ class PoseGraph:
         options = gtsam.LevenbergMarquardtParams()
         options.setMaxIterations(max_iterations)
         if len({pose for edge in self.edges if edge.i != edge.j for pose in (edge.i, edge.j)}) == len(self.trajectory):
-            # of 50,000 poses a third faster than GTSAM's default; it does not work where a pose has no edge
+            # a third faster than GTSAM's default for 50,000 poses; METIS fails where a pose has no edge
             options.setOrderingType("METIS")
         options.setRelativeErrorTol(1e-9)
         options.setAbsoluteErrorTol(1e-9)
@@ -193,8 +193,8 @@ class Solution:
         graph: the same edges, with the optimized trajectory.
         chi_squared_before, chi_squared_after: sum of squared residuals in sigmas, at the initial estimate
             and at the optimum; of a good graph the latter is about `degrees_of_freedom`.
-        degrees_of_freedom: measured numbers less free ones.
-        iterations, converged: of the optimizer, and whether it came to rest before the limit.
+        degrees_of_freedom: measured numbers minus unknowns.
+        iterations, converged: the optimizer's iterations, and whether they ended before the limit.
         residuals: (E,) float64, each edge's residual in sigmas (the Mahalanobis length of its six numbers).
     """
 
@@ -209,7 +209,7 @@ class Solution:
 
     def __repr__(self) -> str:
         poses, edges = counted(len(self.trajectory), "pose"), counted(len(self.graph.edges), "edge")
-        rest = "" if self.converged else ", not at rest"
+        rest = "" if self.converged else ", not converged"
         return (
             f"<Solution of {poses} and {edges}: chi-squared {self.chi_squared_before:.4g} before, "
             f"{self.chi_squared_after:.4g} after {counted(self.iterations, 'iteration')}{rest}, "
@@ -221,16 +221,16 @@ class Solution:
         return self.graph.trajectory
 
     def with_covariances(self, scale_factors: np.ndarray) -> "Solution":
-        """The solution of `optimize` without covariances, with them; `scale_factors` as there."""
+        """The solution with covariances, where `optimize` was told to leave them out; `scale_factors` as there."""
         factors = factors_of(self.graph, scale_factors=scale_factors)
         return replace(self, _linear=factors.linearize(to_values(self.trajectory.T_world_sensor)))
 
     def covariances(self) -> np.ndarray:
-        """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
+        """(N, 6, 6) covariance of each pose, rotation first [rad, m], body tangent, relative to its anchor."""
         return self._marginals(np.empty((0, 2), np.intp)).single
 
     def relative(self, i: int, j: int) -> tuple[RigidTransform, np.ndarray]:
-        """T_i_j as the graph estimates it, and its (6, 6) covariance: as `relatives`, of one pair."""
+        """T_i_j as the graph estimates it, and its (6, 6) covariance: `relatives` of one pair."""
         T, covariances = self.relatives(np.array([[i, j]]))
         return T[0], covariances[0]
 
@@ -243,24 +243,23 @@ class Solution:
             pairs: (m, 2) int, different poses i and j of one component each.
 
         Raises:
-            InputError: covariances so small that the equations cannot be solved for it.
+            InputError: the covariances are so small that the equations cannot be solved.
         """
         if not len(pairs):
             return RigidTransform.from_matrix(np.empty((0, 4, 4))), np.empty((0, 6, 6))
         i, j = pairs.T
         T = self.trajectory.T_world_sensor
         T_i_j: RigidTransform = T[i].inv() * T[j]
-        known, A = self._marginals(pairs), adjoint(T_i_j.inv())
-        shared = A @ known.across
-        covariances = known.single[j] + A @ known.single[i] @ A.swapaxes(1, 2) - shared - shared.swapaxes(1, 2)
+        joint, A = self._marginals(pairs), adjoint(T_i_j.inv())
+        shared = A @ joint.across
+        covariances = joint.single[j] + A @ joint.single[i] @ A.swapaxes(1, 2) - shared - shared.swapaxes(1, 2)
         return T_i_j, covariances
 
     def distances(self, pairs: np.ndarray, registrations: Sequence[Registration], most: float = np.inf) -> np.ndarray:
-        """(m,) how far registrations of pairs, (m, 2) int, that are no edges are from the poses [sigmas], under their
-        covariances and the poses'; NaN of poses that share no frame.
+        """(m,) Mahalanobis distances of registrations that are no edges from the poses of their pairs, (m, 2) int,
+        under the covariances of both [sigmas]; NaN across components.
 
-        What is surely farther than `most` counts as infinitely far: for thousands of pairs anywhere in a large graph
-        that saves most of the time.
+        A distance that surely exceeds `most` is infinite, which saves most of the time for thousands of pairs.
         """
         part = np.empty(len(self.trajectory), np.intp)
         for number, members in enumerate(self.graph.components):
@@ -270,20 +269,20 @@ class Solution:
             return sigmas
         i, j = pairs[joined].T
         T = self.trajectory.T_world_sensor
-        given = [each for each, known in zip(registrations, joined, strict=True) if known]
+        comparable = [each for each, is_joined in zip(registrations, joined, strict=True) if is_joined]
         T_i_j: RigidTransform = T[i].inv() * T[j]
         xi: np.ndarray = (
-            T_i_j.inv() * RigidTransform.concatenate([each.T_target_source for each in given])
+            T_i_j.inv() * RigidTransform.concatenate([each.T_target_source for each in comparable])
         ).as_exp_coords()
-        stated = np.stack([each.covariance for each in given])
-        near = np.ones(len(given), bool)
+        stated = np.stack([each.covariance for each in comparable])
+        near = np.ones(len(comparable), bool)
         if np.isfinite(most):
-            # however two errors depend on each other, the covariance of their sum is at most twice that of both
+            # whatever the correlation of two errors, the covariance of their sum is at most twice the sum of theirs
             single = self.covariances()
             near = lengths(xi, stated + 2 * (single[j] + propagated(T_i_j.inv(), single[i]))) <= most
-        apart = np.full(len(given), np.inf)
-        apart[near] = lengths(xi[near], stated[near] + self.relatives(pairs[joined][near])[1])
-        sigmas[joined] = apart
+        distances = np.full(len(comparable), np.inf)
+        distances[near] = lengths(xi[near], stated[near] + self.relatives(pairs[joined][near])[1])
+        sigmas[joined] = distances
         return sigmas
 
     def _marginals(self, pairs: np.ndarray) -> Marginals:
@@ -297,11 +296,11 @@ class Solution:
 def factors_of(
     graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA, scale_factors: np.ndarray | None = None
 ) -> gtsam.NonlinearFactorGraph:
-    """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and known poses.
+    """The graph as GTSAM's factors: one for each edge, in their order, then those of single poses (`gauge_factors`).
 
     Args:
         graph: its poses are keys 0..N-1.
-        gauge_sigma: standard deviation with which anchors are held [rad, m].
+        gauge_sigma: standard deviation of the anchors [rad, m].
         scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
     """
     factors = gtsam.NonlinearFactorGraph()

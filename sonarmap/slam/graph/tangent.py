@@ -1,4 +1,4 @@
-"""Tangents and their covariances: propagated from one frame to another, and their lengths; many at a time."""
+"""Tangents and their covariances: propagation between frames, and Mahalanobis lengths, many at a time."""
 
 import math
 
@@ -24,7 +24,7 @@ def propagated(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
 
 
 def upward(T_world_body: RigidTransform, points: np.ndarray) -> np.ndarray:
-    """(n, 6) how small turns and shifts (w, v) of n poses, in the body tangent, move points (n, 3) of the world up.
+    """(n, 6) derivative of the heights of world points (n, 3) with respect to the body tangents (w, v) of n poses.
 
     With T Exp((w, v)) a point p of the body moves by R (w x p + v), whose third component is w . (p x up) + v . up.
     """

@@ -13,7 +13,7 @@ from sonarmap.slam.graph.edge import Edge, components, spanning_tree
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Where the sensor was, scan by scan.
+    """Stamped poses of the sensor, one per scan.
 
     Attributes:
         stamps: (N,) float64 [s, UTC], in the order of the scans; a counter where there is no time. Two dives
@@ -48,16 +48,16 @@ class Trajectory:
         return Trajectory(self.stamps[chosen], self.T_world_sensor[chosen])
 
     def farthest_from(self, other: "Trajectory") -> float:
-        """The largest distance [m] between poses of one number, each seen from its trajectory's first."""
-        own, others = ((T[0].inv() * T).translation for T in (self.T_world_sensor, other.T_world_sensor))
-        return float(np.linalg.norm(own - others, axis=1).max())
+        """Largest distance [m] between poses of the same index, each relative to its trajectory's first pose."""
+        ours, theirs = ((T[0].inv() * T).translation for T in (self.T_world_sensor, other.T_world_sensor))
+        return float(np.linalg.norm(ours - theirs, axis=1).max())
 
 
 def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
     """Poses by composing edges outward from the first pose of every component.
 
-    Consecutive edges are followed wherever they reach; loops only join what they leave apart. A component starts at
-    its first prior, or at the identity where it has none: poses of two components without priors share no frame.
+    Loops are used only where consecutive edges leave poses apart (`spanning_tree`). A component starts at its first
+    prior, or at the identity where it has none: components without priors share no frame.
     """
     priors = {edge.i: edge.registration.T_target_source for edge in reversed(edges) if edge.kind == "prior"}
     return Trajectory(stamps, RigidTransform.from_matrix(composed(len(stamps), edges, priors).T))
@@ -65,17 +65,17 @@ def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class Composed:
-    """N poses along the spanning tree of their edges, which leads outward from one pose of every component."""
+    """N poses composed along a spanning tree of their edges, outward from one root in every component."""
 
     tree: list[Edge]
     T: np.ndarray  # (N, 4, 4) float64, each in the frame of its component
-    order: np.ndarray  # (N,) int, the poses, each before those behind it, and all behind it in a row
-    before: np.ndarray  # (N,) int, the pose that each is reached from; itself where a component starts
-    by: np.ndarray  # (N,) int, the edge of the tree that each is reached by
+    order: np.ndarray  # (N,) int, the poses in preorder: each pose is followed by its subtree
+    before: np.ndarray  # (N,) int, the parent of each pose; a root is its own
+    by: np.ndarray  # (N,) int, index in `tree` of the edge from the parent
 
 
 def composed(count: int, edges: Sequence[Edge], known: Mapping[int, RigidTransform]) -> Composed:
-    """`count` poses, outward from the first `known` one of every component, or from its first at the identity."""
+    """`count` poses, with each component's first `known` pose as its root, or else its first pose at the identity."""
     tree = spanning_tree(count, edges)
     neighbors: dict[int, list[tuple[int, int, bool]]] = defaultdict(list)
     for n, edge in enumerate(tree):

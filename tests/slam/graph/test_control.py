@@ -158,7 +158,7 @@ def test_only_wrong_points_are_left_out():
         ({"point": np.array([1.0, np.nan, 0.0])}, "finite"),
         ({"known": None}, "not an array of three finite numbers"),
         ({"sigmas": np.array([0.1, 0.0, 0.1])}, "above 0"),
-        ({"scan": "a"}, "is of scan 'a'; wanted its index"),
+        ({"scan": "a"}, "names scan 'a'; wanted its index"),
         ({"use": np.array(["control", "check"])}, "control or check"),
         ({}, "control point names a pose"),
     ],
