@@ -3,9 +3,9 @@
 Rosen, Carlone, Bandeira and Leonard (IJRR 2019, DOI 10.1177/0278364918784361), Sect. 4.2. For symmetric 3x3 blocks
 Lambda, multipliers of the rotations' constraints, and S = M - diag(0, Lambda), the cost of any poses X is
 tr(X^T S X) + tr(Lambda), and so at least tr(Lambda) + 3 n min(0, lambda), for lambda the lowest eigenvalue of S and n
-the number of poses. At the global optimum, unless the noise is large, lambda is 0 and the bound is the cost itself. It
-holds wherever it is evaluated. Translations enter M whole: minimizing over them is what makes S a matrix of the
-rotations alone, and its lowest eigenvalue is that of the whole against diag(0, 1).
+the number of poses. At the global optimum, unless the noise is large, lambda is 0 and the bound is the cost itself. The
+bound holds at any poses. M keeps the translations: eigenvalues of S relative to diag(0, 1) are those of the rotations'
+matrix that is left after minimizing over the translations.
 """
 
 from dataclasses import dataclass
@@ -20,34 +20,33 @@ from sonarmap.slam.optimize.chordal import ChordalProblem
 
 Verdict = Literal["certified", "not certified", "not decided"]
 
-GAP = 1e-6  # share of its cost by which no other solution is better than a certified one,
-_LEAST_COST = 1e-3  # or of this cost, at which measurements agree to a thirtieth of their sigmas
-# Where the cost falls by more than this share of its multipliers there is no optimum, not even a local one.
-_RESTING = 1e-3
+GAP = 1e-6  # largest gap of a certified solution to the lower bound, as a share of its cost
+_LEAST_COST = 1e-3  # smallest cost to take that share of: measurements agree to a thirtieth of their sigmas
+_MAX_GRADIENT = 1e-3  # largest gradient at a local optimum, as a share of the largest multiplier
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What the dual says."""
+    """The verdict of the dual problem on a solution."""
 
-    # "certified": no poses have a cost lower by more than GAP; "not certified": the dual leaves room for a better one;
-    # "not decided": its eigenvalues could not be found
+    # "certified": no poses have a cost lower by more than GAP; "not certified": the dual does not exclude a better
+    # solution; "not decided": the eigenvalues could not be computed
     verdict: Verdict
     cost: float  # F of the poses
-    lowest: float  # the lowest eigenvalue of S; NaN where it is not known
-    gap: float  # no cost is lower than `cost` by more than this; infinite where nothing is known
+    lowest: float  # the lowest eigenvalue of S; NaN if not computed
+    gap: float  # no cost is lower than `cost` by more than this; infinite if not decided
     reason: str  # in words
 
 
 def certify(problem: ChordalProblem, T: RigidTransform) -> Certificate:
-    """Judge n poses, connected by the problem's edges."""
+    """The certificate of n poses that the problem's edges connect."""
     n, X = problem.count, problem.stacked(T)
     cost = problem.cost(T)
     blocks, gradient = _multipliers(problem, X)
     scale = float(np.abs(blocks).max()) or 1.0
     allowed = GAP * max(cost, _LEAST_COST)
     held = sparse.block_diag([sparse.csc_array((n, n)), sparse.block_diag(list(blocks))])
-    # the first translation is held: shifts of all poses change nothing
+    # without the first translation, as shifts of all poses change nothing
     dual = sparse.csc_array(sparse.csc_array(problem.matrix - held)[1:, 1:])
     weights = sparse.diags_array(np.concatenate([np.zeros(n - 1), np.ones(3 * n)])).tocsc()
     try:
@@ -58,27 +57,28 @@ def certify(problem: ChordalProblem, T: RigidTransform) -> Certificate:
     if gap <= allowed:
         words = f"certified: no poses have a cost lower by more than {gap:.1g}"
         return Certificate("certified", cost, lowest, gap, words)
-    where = "here the cost still falls" if np.abs(gradient).max() > _RESTING * scale else "this may be a local optimum"
-    words = f"not certified: {where}; costs down to {max(0.0, cost - gap):.6g} are not excluded"
+    falls = np.abs(gradient).max() > _MAX_GRADIENT * scale
+    cause = "the cost still falls here" if falls else "this may be a local optimum"
+    words = f"not certified: {cause}; costs down to {max(0.0, cost - gap):.6g} are not excluded"
     return Certificate("not certified", cost, lowest, gap, words)
 
 
 def _multipliers(problem: ChordalProblem, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The constraints' multipliers (n, 3, 3), and what is left of the gradient (4 n, 3)."""
+    """The constraints' multipliers (n, 3, 3), and the gradient projected to the rotations' tangents (4 n, 3)."""
     n = problem.count
-    slope = problem.matrix @ X
+    gradient = problem.matrix @ X
     R = X[n:].reshape(n, 3, 3)
-    product = slope[n:].reshape(n, 3, 3) @ R.transpose(0, 2, 1)
+    product = gradient[n:].reshape(n, 3, 3) @ R.transpose(0, 2, 1)
     blocks = (product + product.transpose(0, 2, 1)) / 2
-    slope[n:] -= (blocks @ R).reshape(-1, 3)
-    return blocks, slope
+    gradient[n:] -= (blocks @ R).reshape(-1, 3)
+    return blocks, gradient
 
 
 def _lowest(dual: sparse.csc_array, weights: sparse.csc_array, scale: float, tolerance: float) -> float:
     """The lowest eigenvalue of dual x = lambda weights x.
 
-    Three are 0, those of the poses themselves. As many lie below a shift as pivots of the shifted matrix are negative
-    (Sylvester), so that none is missed; where there is one below, the lowest is then searched for.
+    Three are 0, with the poses as their vectors. The shifted matrix has as many negative pivots as there are
+    eigenvalues below the shift (Sylvester); the shift is lowered until there are none.
     """
     shift = -max(tolerance, 1e-12 * scale)
     below = _negative_pivots(dual, weights, shift)
@@ -93,14 +93,14 @@ def _lowest(dual: sparse.csc_array, weights: sparse.csc_array, scale: float, tol
 
 
 def _nearest(dual: sparse.csc_array, weights: sparse.csc_array, shift: float) -> float:
-    """The lowest of the eigenvalues above a shift that none lies below."""
+    """The lowest eigenvalue, by inverse iteration about a shift below all of them."""
     count = min(4, len(weights.indptr) - 3)
     values = np.asarray(linalg.eigsh(dual, k=count, M=weights, sigma=shift, which="LM", return_eigenvectors=False))
     return float(values.min())
 
 
 def _negative_pivots(dual: sparse.csc_array, weights: sparse.csc_array, shift: float) -> int:
-    """How many eigenvalues lie below the shift."""
+    """Number of eigenvalues below the shift."""
     matrix = sparse.csc_array(dual - shift * weights)
     options = {"SymmetricMode": True}
     factors = linalg.splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)

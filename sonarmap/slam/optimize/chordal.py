@@ -1,5 +1,4 @@
-"""The isotropic chordal cost F of a pose graph: the one for which a certificate of global optimality exists;
-and its optimum, by GTSAM.
+"""The isotropic chordal cost F of a pose graph, for which a certificate of global optimality exists, and its optimum.
 
 F = sum over edges of kappa |R_j - R_i R_ij|^2 (Frobenius) + tau |t_j - t_i - R_i t_ij|^2, without a factor 1/2, with
 tau = 3 / tr(inv(I_t)) and kappa = 3 / (2 tr(inv(I_R))) from the 3x3 diagonal blocks of each edge's information: Rosen,
@@ -25,7 +24,7 @@ from sonarmap.slam.graph.known_pose import GAUGE_SIGMA
 
 @dataclass(frozen=True)
 class ChordalProblem:
-    """F of n poses and m edges, as arrays."""
+    """The cost F of n poses and m edges, as arrays."""
 
     count: int  # n
     # i, j: (m,) int64, the poses of each edge
@@ -63,7 +62,7 @@ class ChordalProblem:
         )
 
     def stacked(self, T: RigidTransform) -> np.ndarray:
-        """(4 n, 3): the poses as F's matrix takes them, the n translations and then the rotations' transposes."""
+        """(4 n, 3) matrix X of n poses: their translations, then their transposed rotations."""
         matrices = T.as_matrix()
         return np.vstack([matrices[:, :3, 3], matrices[:, :3, :3].transpose(0, 2, 1).reshape(-1, 3)])
 
@@ -77,7 +76,7 @@ class ChordalProblem:
 
     @cached_property
     def matrix(self) -> sparse.csc_array:
-        """(4 n, 4 n), symmetric: F = tr(X^T M X) for X as `stacked` has it."""
+        """(4 n, 4 n) symmetric M with F = tr(X^T M X), for X of `stacked`."""
         n, m = self.count, len(self.i)
         edge, axes = np.arange(m), np.arange(3)
         of_i, of_j = (n + 3 * pose[:, None] + axes for pose in (self.i, self.j))
@@ -102,38 +101,37 @@ class ChordalProblem:
 
 
 def _sparse(shape: tuple[int, int], *parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> sparse.csc_array:
-    """From rows, columns and values of any equal shapes."""
+    """Sparse matrix from parts of rows, columns and values, which have equal shapes."""
     rows, columns, values = (np.concatenate([part[k].ravel() for part in parts]) for k in range(3))
     return sparse.coo_array((values, (rows, columns)), shape=shape).tocsc()
 
 
 Start = Literal["chordal", "given"]
 
-# The optimizer rests where a step lowers the cost by less than this share of it.
-_REST = 1e-12
-_MOST_ITERATIONS = 200
-# Rows of a pose's 4x4 matrix that are no unknowns, in its columns' order; their residuals are 0 whatever they weigh.
-_IDLE = np.array([3, 7, 11, 15])
+_MIN_DECREASE = 1e-12  # relative decrease of the cost below which the optimizer has converged
+_MAX_ITERATIONS = 200
+# The fourth row of a pose's 4x4 matrix, in column-major order: its residuals are 0 whatever their weight.
+_FOURTH_ROW = np.array([3, 7, 11, 15])
 
 
 @dataclass(frozen=True, slots=True)
 class IsotropicSolution:
-    """Where the optimizer came to rest."""
+    """The optimum of F."""
 
     T: RigidTransform  # n poses
-    cost_after: float  # F at rest
-    # iterations, converged: of the optimizer, and whether it came to rest before the limit
+    cost_after: float  # F of these poses
+    # iterations, converged: the optimizer's iterations, and whether they ended before the limit
     iterations: int
     converged: bool
 
 
 def optimize_isotropic(problem: ChordalProblem, T: RigidTransform, start: Start = "chordal") -> IsotropicSolution:
-    """The poses of least F.
+    """Minimize F.
 
     Args:
         problem: its edges join all poses.
         T: n poses; the first stays where it is.
-        start: "given", these poses; "chordal", which does not hear them (`chordal_start`).
+        start: "given", from these poses; "chordal", from the edges alone (`chordal_start`).
 
     Raises:
         InputError: the equations have no unique or no finite solution.
@@ -143,8 +141,8 @@ def optimize_isotropic(problem: ChordalProblem, T: RigidTransform, start: Start 
         initial = to_values(T) if start == "given" else _chordal(problem, T)
         factors.add(gtsam.PriorFactorPose3(0, initial.atPose3(0), gtsam.noiseModel.Isotropic.Sigma(6, GAUGE_SIGMA)))
         options = gtsam.LevenbergMarquardtParams()
-        options.setMaxIterations(_MOST_ITERATIONS)
-        options.setRelativeErrorTol(_REST)
+        options.setMaxIterations(_MAX_ITERATIONS)
+        options.setRelativeErrorTol(_MIN_DECREASE)
         options.setAbsoluteErrorTol(0.0)
         optimizer = gtsam.LevenbergMarquardtOptimizer(factors, initial, options)
         optimum = optimizer.optimize()
@@ -158,22 +156,22 @@ def optimize_isotropic(problem: ChordalProblem, T: RigidTransform, start: Start 
         T=T[0] * after[0].inv() * after,
         cost_after=problem.cost(after),
         iterations=optimizer.iterations(),
-        converged=optimizer.iterations() < _MOST_ITERATIONS,
+        converged=optimizer.iterations() < _MAX_ITERATIONS,
     )
 
 
 def _factors(problem: ChordalProblem) -> gtsam.NonlinearFactorGraph:
     """F, doubled: GTSAM's cost has a factor 1/2.
 
-    Of GTSAM's two Frobenius factors this one, of T_i^-1 T_j - T_i_j, has a residual that does not turn where all poses
-    do. The other's, T_j - T_i T_i_j, does, so that Gauss-Newton steps are far too short along wide, gentle bends of the
-    graph: 30 iterations in place of 5 for sphere2500.
+    The residual of this Frobenius factor of GTSAM, T_i^-1 T_j - T_i_j, does not change when all poses turn. That of the
+    other, T_j - T_i T_i_j, does, which makes Gauss-Newton steps far too short along wide bends of the graph: 30
+    iterations instead of 5 for sphere2500.
     """
     factors = gtsam.NonlinearFactorGraph()
     weights = np.column_stack(
         [np.repeat(problem.kappa[:, None], 12, axis=1), np.repeat(problem.tau[:, None], 4, axis=1)]
     )
-    weights[:, _IDLE] = 1.0
+    weights[:, _FOURTH_ROW] = 1.0
     for i, j, T_i_j, weight in zip(problem.i.tolist(), problem.j.tolist(), _measured(problem), weights, strict=True):
         noise = gtsam.noiseModel.Diagonal.Precisions(weight)
         factors.add(gtsam.FrobeniusBetweenFactorNLPose3(i, j, T_i_j, noise))
@@ -181,7 +179,7 @@ def _factors(problem: ChordalProblem) -> gtsam.NonlinearFactorGraph:
 
 
 def _chordal(problem: ChordalProblem, T: RigidTransform) -> gtsam.Values:
-    """Near a turn R_j = R_i R_ij the chord is 2 sin(angle / 2) sqrt(2): kappa of F is 2 kappa of the angle."""
+    """The chordal start of a problem; |R_j - R_i R_ij|^2 is 2 angle^2 to first order, hence the factor 2 of kappa."""
     between = gtsam.NonlinearFactorGraph()
     precisions = np.column_stack([np.repeat(weight[:, None], 3, axis=1) for weight in (2 * problem.kappa, problem.tau)])
     for i, j, T_i_j, weight in zip(problem.i.tolist(), problem.j.tolist(), _measured(problem), precisions, strict=True):

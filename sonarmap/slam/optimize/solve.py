@@ -1,4 +1,4 @@
-"""A pose graph from a file, optimized and judged: what `sonarmap optimize` tells."""
+"""Optimization of a pose graph from a file, and the quality of the result, for `sonarmap optimize`."""
 
 import time
 from dataclasses import asdict, dataclass, field
@@ -20,28 +20,27 @@ Start = Literal["chordal", "given"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 STARTS: tuple[Start, ...] = get_args(Start)
 
-# Loops change nothing where no edge of a spanning tree is strained by more than this many of its deviations.
-_STRAINED = 1e-3
-_FALLEN = 1e-6  # least share of the cost that counts as a descent
+_MIN_STRAIN = 1e-3  # largest residual in the spanning tree below which loops have no effect [sigmas]
+_MIN_DECREASE = 1e-6  # relative decrease of the cost below which the poses were optimal before
 
 
 @dataclass(frozen=True, slots=True)
 class Optimized:
-    """What came of a graph.
+    """An optimized pose graph.
 
     Attributes:
         objective, start: what was minimized, and from where.
         given: the graph as it was given, E edges.
-        accepted: (E,) bool, which edges are believed: all, unless wrong ones were looked for.
-        reasons: (E,) in words; empty where none were looked for.
+        accepted: (E,) bool, which edges are used; all without outlier rejection.
+        reasons: (E,) why each edge was accepted or rejected; empty without outlier rejection.
         graph: the accepted edges with the optimized poses.
-        residuals_before, residuals_after: (E,) float64, every given edge's, rejected ones' too, at the given and at the
-            optimized poses, in sigmas of its whole covariance.
+        residuals_before, residuals_after: (E,) float64, of all given edges, at the given and at the optimized poses, in
+            sigmas of their whole covariances.
         cost_before, cost_after: of the accepted edges at the given and at the optimized poses, without a unit: F of the
             isotropic objective (`slam.optimize.chordal`), half of chi-squared of the full one.
-        iterations, converged: of the optimizer, and whether it came to rest.
-        certificate: of the isotropic objective; None of the full one, for which there is none.
-        seconds: of every part [s].
+        iterations, converged: the optimizer's iterations, and whether they ended before the limit.
+        certificate: of the isotropic objective; None with the full one, which has none.
+        seconds: duration of each stage [s].
     """
 
     objective: Objective
@@ -70,18 +69,18 @@ class Optimized:
 
     @property
     def chi_squared(self) -> tuple[float, float]:
-        """Of the accepted edges and all that is known of poses, at the given and at the optimized poses."""
+        """Chi-squared of the accepted edges and all priors, at the given and at the optimized poses."""
         if self.objective == "full":
             return 2 * self.cost_before, 2 * self.cost_after
         return self.given.keep(self.accepted).chi_squared, self.graph.chi_squared
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Measured numbers less free ones."""
+        """Measured numbers minus unknowns."""
         return self.graph.gauge.degrees_of_freedom
 
     def to_json(self) -> dict[str, Any]:
-        """The same as JSON's types."""
+        """The summary as JSON's types."""
         chi_squared_before, chi_squared_after = self.chi_squared
         return {
             "objective": self.objective,
@@ -101,7 +100,7 @@ class Optimized:
         }
 
     def _loops(self) -> list[dict[str, Any]]:
-        """Every loop, and whatever else was rejected, by the vertices' ids."""
+        """Every loop and every rejected edge, by the vertices' ids."""
         ids = self.given.trajectory.stamps.astype(np.int64).tolist()
         residuals = self.residuals_after.tolist()
         rows: list[dict[str, Any]] = []
@@ -115,30 +114,30 @@ class Optimized:
 
 
 def optimize(graph: PoseGraph, objective: Objective, start: Start = "chordal", robust: bool = False) -> Optimized:
-    """The poses of least cost.
+    """Minimize the cost of a graph.
 
     Args:
         graph: connected, with at least one edge.
         objective: "full", chi-squared with the edges' whole covariances; "isotropic", F of
-            `slam.optimize.chordal`, whose optimum a certificate judges.
+            `slam.optimize.chordal`, which has a certificate of global optimality.
         start: "chordal", from the edges alone; or "given", from the graph's poses.
-        robust: look for wrong edges first, and leave them out.
+        robust: whether to reject outlier edges first.
 
     Raises:
-        InputError: there is no such objective or start, the objective does not know what the graph holds, or the
-            equations have no solution.
+        InputError: the objective or start is unknown, the objective does not support what the graph holds, or the
+            equations have no unique solution.
     """
-    for name, given, known in (("objective", objective, OBJECTIVES), ("start", start, STARTS)):
-        if given not in known:
-            raise InputError(f"`{name}={given!r}` is not known; choose one of {', '.join(known)}")
+    for name, given, choices in (("objective", objective, OBJECTIVES), ("start", start, STARTS)):
+        if given not in choices:
+            raise InputError(f"`{name}={given!r}` is not known; choose one of {', '.join(choices)}")
     if not graph.edges:
         raise InputError("the graph holds one pose and no edge; there is nothing to optimize")
     clock, seconds = time.perf_counter, {}
     accepted, reasons = np.ones(len(graph.edges), bool), ()
     begun = clock()
     if robust:
-        believed = robust_optimize(graph)
-        accepted, reasons = believed.accepted, believed.reasons
+        robust_result = robust_optimize(graph)
+        accepted, reasons = robust_result.accepted, robust_result.reasons
         seconds["reject"] = clock() - begun
     kept, begun = graph.keep(accepted), clock()
     solved, before, after, iterations, converged = _SOLVERS[objective](kept, start)
@@ -178,8 +177,8 @@ def _full(graph: PoseGraph, start: Start) -> _Solved:
 def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
     if graph.known or graph.control:
         raise InputError(
-            "the file says what is known of single vertices or points, and the isotropic objective needs edges "
-            "between them alone; use `objective=full`"
+            "the file holds priors of single vertices or control points, and the isotropic objective takes only edges "
+            "between vertices; use `objective=full`"
         )
     if len(graph.fixed) > 1:
         raise InputError(
@@ -197,18 +196,18 @@ _SOLVERS = {"full": _full, "isotropic": _isotropic}
 
 
 def distance_to_other(optimized: Optimized) -> dict[str, Any]:
-    """How far the other objective's optimum of the same edges lies, as JSON's types, or why there is none.
+    """Distance to the other objective's optimum of the same edges, as JSON's types, or why there is none.
 
-    The first poses are laid on each other; root mean squares and maxima.
+    Root mean squares and maxima over the poses, with the first poses aligned.
     """
     other: Objective = "full" if optimized.objective == "isotropic" else "isotropic"
     try:
         solved = _SOLVERS[other](optimized.given.keep(optimized.accepted), optimized.start)[0]
     except InputError as error:
         return {"to": other, "reason": str(error)}
-    one, two = (T[0].inv() * T for T in (optimized.graph.trajectory.T_world_sensor, solved.trajectory.T_world_sensor))
-    degrees = np.degrees((one.rotation.inv() * two.rotation).magnitude())
-    meters = np.linalg.norm(one.translation - two.translation, axis=1)
+    T, T_other = (T[0].inv() * T for T in (optimized.graph.trajectory.T_world_sensor, solved.trajectory.T_world_sensor))
+    degrees = np.degrees((T.rotation.inv() * T_other.rotation).magnitude())
+    meters = np.linalg.norm(T.translation - T_other.translation, axis=1)
     return {
         "to": other,
         "rotation_rms_deg": _rms(degrees),
@@ -219,22 +218,22 @@ def distance_to_other(optimized: Optimized) -> dict[str, Any]:
 
 
 def without_effect(optimized: Optimized) -> str:
-    """Why optimizing was of no use, in words; "" where it was."""
+    """Why the optimization had no effect, in words; "" if it had one."""
     graph = optimized.graph
     residuals = optimized.residuals_after[optimized.accepted]
     in_tree = {id(edge) for edge in spanning_tree(len(graph.trajectory), graph.edges)}
-    strains = residuals[[k for k, edge in enumerate(graph.edges) if id(edge) in in_tree]]
-    surplus = len(graph.edges) - len(strains)
-    if not surplus:
+    tree_residuals = residuals[[k for k, edge in enumerate(graph.edges) if id(edge) in in_tree]]
+    loops = len(graph.edges) - len(tree_residuals)
+    if not loops:
         return "the graph has no loop: its poses follow from its edges one after another, and nothing corrects them"
-    if strains.max(initial=0) < _STRAINED:
+    if tree_residuals.max(initial=0) < _MIN_STRAIN:
         return (
-            f"the {surplus} edges that close loops change nothing: no other is strained by more than "
-            f"{strains.max():.1g} of its deviations. Either they weigh nothing beside the others, or they agree with "
+            f"the {loops} edges that close loops change nothing: all other residuals are at most "
+            f"{tree_residuals.max():.1g} sigmas. Either they weigh nothing beside the others, or they agree with "
             "them to the last digit, as copies do; look at their information matrices"
         )
     before, after = optimized.cost_before, optimized.cost_after
-    if before - after <= _FALLEN * after:
+    if before - after <= _MIN_DECREASE * after:
         return f"the cost did not fall ({before:.9g} before, {after:.9g} after): the poses were optimal as they were"
     return ""
 
@@ -244,7 +243,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _certificate(certificate: Certificate | None) -> dict[str, Any]:
-    """JSON knows neither NaN nor infinity."""
+    """The certificate as JSON's types; NaN and infinity become null."""
     if certificate is None:
         reason = "only the isotropic objective has a certificate; use `objective=isotropic`"
         return {"verdict": "none", "gap": None, "lowest": None, "cost": None, "reason": reason}

@@ -199,7 +199,7 @@ def test_one_pose_and_two_fixed(tmp_path: Path, source: Path) -> None:
 
 
 def test_an_optimizer_that_does_not_come_to_rest_says_so(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarmap.slam.optimize.chordal._MOST_ITERATIONS", 1)
+    monkeypatch.setattr("sonarmap.slam.optimize.chordal._MAX_ITERATIONS", 1)
     out = source.parent / "out.g2o"
     result = sonarmap("optimize", source, "-o", out, "--objective", "isotropic", "--start", "given")
     assert result.exit_code == 3
