@@ -1,5 +1,5 @@
-"""Where registrations run: workers, executors, and the journal of what is done.
+"""Where registrations run: workers, executors, and the journal of results.
 
-In: pairs to register. Out: the same pairs with their registrations, however often the run was stopped and wherever it
-ran. `runner.py` is what the mapper calls; `executor.py`, `transport.py` and `journal.py` know nothing of pairs.
+In: pairs to register. Out: the pairs with their registrations, the same wherever they ran and however often the run was
+stopped. The mapper calls `runner.py`; `executor.py`, `transport.py` and `journal.py` know nothing of pairs.
 """

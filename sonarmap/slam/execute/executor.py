@@ -1,4 +1,4 @@
-"""Where work runs: in this process or in several of this machine."""
+"""Executors, which run work in this process or in several processes of this machine."""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -15,10 +15,9 @@ from sonarmap.slam.execute.transport import InProcess, Transport, spooled
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 
-# Neighboring jobs share prepared scans, so that a worker gets a few at a time; so many are lost when it is killed.
+# Neighboring jobs share prepared scans, so a worker gets this many at a time; they are lost when it is killed.
 JOBS_TOGETHER = 4
-# Pieces of work that each worker has queued, so that it is never idle.
-_QUEUED_PER_WORKER = 2
+_QUEUED_PER_WORKER = 2  # pieces of work, so that no worker is ever idle
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,7 @@ class Executor:
     pool: Pool  # what runs a piece of work
     transport: Transport  # brings scans to the workers
     workers: int  # how many there are
-    most_together: int | None = None  # the largest number of jobs in a piece of work, whatever is asked for
+    most_together: int | None = None  # upper limit of the number of jobs in a piece of work; None for none
 
     def run(
         self,
@@ -40,11 +39,11 @@ class Executor:
         """Run a task on all jobs, and yield the results of each piece of work as soon as it is done.
 
         Args:
-            task: takes some of the jobs, and `more` of these, and returns a result for each job; it is pickled where
-                workers are processes.
+            task: takes the jobs of a piece of work and what `more` returns for them, and returns a result for each job;
+                it is pickled where workers are processes.
             jobs: in the order in which they are begun.
-            together: most jobs of one piece of work.
-            more: gives what the task takes beside a piece's jobs; called when the piece is begun.
+            together: largest number of jobs in a piece of work.
+            more: returns the task's further arguments for the jobs of a piece; called when the piece is begun.
 
         Yields:
             the indices of some of the jobs, and their results.
@@ -62,15 +61,15 @@ class Executor:
                 some = jobs[piece.start : piece.stop]
                 future = self.pool.submit(task, some, *more(some))
                 running[future] = piece
-                if future.done():  # in this process: the caller keeps the result before the next piece is begun
+                if future.done():  # in this process: the caller gets the result before the next piece is begun
                     break
             done = wait(running, return_when=FIRST_COMPLETED).done
-            for future in sorted(done, key=_has_failed):  # results are kept before an error ends it
+            for future in sorted(done, key=_has_failed):  # results are yielded before an error is raised
                 yield running.pop(future), future.result()
 
 
 def this_process() -> Executor:
-    """Runs every job here, one after the other."""
+    """An executor that runs every job in this process, one after the other."""
     return Executor(_Immediate(), InProcess(), 1, most_together=1)
 
 
@@ -82,8 +81,8 @@ def processes(
 
     Args:
         begin: what each process calls first, with `arguments`; before it the process has loaded no library.
-        spool: how the path of the folder for the scans that workers read begins, which is made when they need one and
-            deleted at the end; None: in the system's folder for temporary files.
+        spool: beginning of the path of the folder from which workers read scans; it is made when first needed and
+            deleted at the end. None for the system's folder for temporary files.
     """
     with spooled(spool) as transport, spawned(workers, begin, *arguments) as pool:
         yield Executor(pool, transport, workers)
@@ -100,7 +99,7 @@ def _has_failed(future: Future[Any]) -> bool:
 
 
 class _Immediate(Pool):
-    """Runs a job when it is submitted; what the job raises is raised at once."""
+    """Runs a job when it is submitted; exceptions are raised at once."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()

@@ -1,4 +1,4 @@
-"""Results of work that is done, in one file, on disk as soon as each is added: what a stopped run goes on from."""
+"""A journal of results in one file, on disk as soon as each is added, from which a stopped run continues."""
 
 import hashlib
 import sqlite3
@@ -10,8 +10,8 @@ from threading import RLock
 
 from sonarmap.kernels.errors import InputError
 
-_APPLICATION_ID = 0x534F4E52  # SQLite's mark of whose file it is: "SONR"
-_VERSION = 3  # SQLite's user_version: of the table below
+_APPLICATION_ID = 0x534F4E52  # SQLite's application_id: "SONR"
+_VERSION = 3  # SQLite's user_version, of the table below
 _TABLE = """CREATE TABLE entry (
     key TEXT PRIMARY KEY,                -- a digest of all that decides the content
     label TEXT NOT NULL,                 -- names of the scans or of the job, for people
@@ -25,7 +25,7 @@ INSERT INTO entry (key, label, content, seconds, checksum) VALUES (?, ?, ?, ?, ?
 label = excluded.label, content = excluded.content, seconds = excluded.seconds, checksum = excluded.checksum,
 computed = computed + 1
 """
-# SQLite's codes for a file or folder that does not let itself be written; other faults are the file's content.
+# SQLite's error codes of a file or folder that cannot be written; other errors come of the file's content.
 _UNWRITABLE = (
     sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY,
 )  # fmt: skip
@@ -44,20 +44,19 @@ class JournalEntry:
 class Journal:
     """An SQLite database of results, each under a key of its own.
 
-    What `add` was given is on disk when it returns: a process that is killed at any moment, or a machine that loses its
-    power, loses only what was not added yet. One process at a time can use the file, with any of its
-    threads. An entry that is not what was
-    added, as the disk or someone changed it, is as good as none: its work is done again.
+    Entries are on disk when `add` returns: a killed process or a power failure loses only what was not added yet. One
+    process at a time can use the file, from any of its threads. An entry with a wrong checksum counts as missing, and
+    its work is done again.
 
     Args:
         path: the file; it is made if it does not exist.
         fresh: whether to delete all entries first.
 
     Raises:
-        InputError: the file is no journal, is damaged, is in use, or cannot be written; from every call.
+        InputError: the file is no journal, is damaged, is in use, or cannot be written; from every method.
 
     Attributes:
-        damaged: how many such entries were asked for.
+        damaged: number of requests for entries with a wrong checksum.
     """
 
     def __init__(self, path: Path, fresh: bool = False) -> None:
@@ -89,10 +88,10 @@ class Journal:
             return self._database.execute("SELECT count(*) FROM entry").fetchone()[0]
 
     def entry(self, key: str) -> JournalEntry | None:
-        """The entry under this key; None where there is none, or a damaged one."""
+        """The entry under this key; None if it is missing or damaged."""
         with self._explained_errors():
-            found = self._database.execute("SELECT label, content, seconds, checksum FROM entry WHERE key = ?", (key,))
-            row = found.fetchone()
+            rows = self._database.execute("SELECT label, content, seconds, checksum FROM entry WHERE key = ?", (key,))
+            row = rows.fetchone()
         if row is None:
             return None
         entry = JournalEntry(key, *row[:3])
@@ -102,22 +101,22 @@ class Journal:
         return entry
 
     def add(self, entries: Sequence[JournalEntry]) -> None:
-        """Keep entries, all of them or none; one with the key of an earlier entry replaces it."""
+        """Add all entries or none; an entry replaces an earlier one with the same key."""
         self._require_in_place()
-        kept = [replace(entry, label=storable(entry.label), seconds=float(entry.seconds)) for entry in entries]
-        rows = [(entry.key, entry.label, entry.content, entry.seconds, _checksum(entry)) for entry in kept]
+        stored = [replace(entry, label=storable(entry.label), seconds=float(entry.seconds)) for entry in entries]
+        rows = [(entry.key, entry.label, entry.content, entry.seconds, _checksum(entry)) for entry in stored]
         with self._explained_errors(), self._transaction():
             self._database.executemany(_ADD, rows)
 
     def unusable(self, reason: str) -> InputError:
-        """What to say where the file, or the content of an entry, cannot be read."""
+        """The error to raise where the file, or the content of an entry, cannot be read."""
         return InputError(
             f"{self.path} is not a journal of sonarmap, or it is damaged ({reason}). Move it away or delete it, and "
             "everything is computed again; or choose another output folder."
         )
 
     def _require_in_place(self) -> None:
-        """Refuse to write to a file that was removed or replaced: SQLite would go on with what nobody finds again."""
+        """Refuse a file that was removed or replaced, as SQLite would go on writing to the one without a name."""
         if self._file is None or _file_at(self.path) != self._file:
             raise InputError(
                 f"{self.path} was removed or replaced while this run was using it, so that no more can be kept. "
@@ -125,7 +124,7 @@ class Journal:
             )
 
     def _open(self, fresh: bool) -> None:
-        # Exclusive: the lock of the first writing below is held until the end. Full: on disk before a commit returns.
+        # Exclusive: the lock of the first write below is held until the end. Full: on disk before a commit returns.
         for pragma in ("locking_mode = EXCLUSIVE", "synchronous = FULL"):
             self._database.execute(f"PRAGMA {pragma}")
         with self._transaction():
@@ -144,7 +143,7 @@ class Journal:
             self._database.execute(f"PRAGMA user_version = {_VERSION}")
 
     def _refuse_other_files(self) -> None:
-        """Refuse a file that another program wrote, and one that is damaged."""
+        """Refuse a file of another program and a damaged one."""
         empty = self._pragma("page_count") == 0 or not self._database.execute("SELECT * FROM sqlite_master").fetchone()
         if not empty and self._pragma("application_id") != _APPLICATION_ID:
             raise self.unusable("it is another program's database")
@@ -177,7 +176,7 @@ class Journal:
                 yield
         except InputError:
             raise
-        except (sqlite3.Error, MemoryError, UnicodeDecodeError) as error:  # what a damaged page may end with
+        except (sqlite3.Error, MemoryError, UnicodeDecodeError) as error:  # a damaged page may raise any
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
             if code == sqlite3.SQLITE_BUSY:
                 raise InputError(
@@ -194,7 +193,7 @@ class Journal:
 
 
 def _file_at(path: Path) -> tuple[int, int] | None:
-    """Which file is there; None for none."""
+    """Device and inode of the file at this path; None if there is none."""
     try:
         status = path.stat()
     except OSError:
@@ -203,16 +202,16 @@ def _file_at(path: Path) -> tuple[int, int] | None:
 
 
 def _checksum(entry: JournalEntry) -> str:
-    """Of all that an entry says, each part with its type: 1 is not 1.0, nor "1"."""
+    """Checksum of an entry's values and their types: 1 differs from 1.0 and from "1"."""
     parts = (entry.key, entry.label, entry.content, entry.seconds)
     return hashlib.sha256(repr(parts).encode("utf-8", "backslashreplace")).hexdigest()
 
 
 def _text(stored: bytes) -> str:
-    """Text as it is read from the file: where damage left no UTF-8, the checksum tells."""
+    """Text from the file; invalid UTF-8 is replaced, which the checksum detects."""
     return stored.decode("utf-8", "replace")
 
 
 def storable(label: str) -> str:
-    """A label as SQLite can keep it: file names may hold bytes that are no text."""
+    """A label that SQLite can store: file names may hold bytes that are no text."""
     return label.encode("utf-8", "backslashreplace").decode()

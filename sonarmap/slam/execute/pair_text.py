@@ -1,6 +1,6 @@
-"""The result of registering a pair as text, bit by bit: the form in which it leaves a process and lies in a journal.
+"""A pair's registration as text without loss, for other processes and for the journal.
 
-Text, as pickling a RigidTransform changes its last bits. Whoever keeps it tells by a checksum that it is what was kept.
+It is text because pickling a RigidTransform changes its last bits.
 """
 
 import json
@@ -14,7 +14,7 @@ from sonarmap.spectral.result import Registration
 
 
 def to_text(registration: Registration | None, failure: str = "") -> str:
-    """A registration, or why there is none, as JSON with NaN and Infinity as Python has them; floats keep all bits."""
+    """A registration, or why there is none, as JSON with Python's NaN and Infinity; floats keep all bits."""
     if registration is None:
         return json.dumps({"failure": failure})
     return json.dumps({"registration": _to_json(registration)})
@@ -61,7 +61,7 @@ def _from_json(content: dict[str, Any]) -> Registration:
         "T_target_source": RigidTransform(np.array(content["T_target_source"], np.float64), normalize=False),
         "covariance": np.array(content["covariance"], np.float64),
     }
-    for name in ("step_psr", "evidence"):  # of many registrations the names are the same
+    for name in ("step_psr", "evidence"):  # registrations share the names in them
         parts[name] = tuple((intern(key), value) for key, value in content[name])
     parts["alternatives"] = tuple(_from_json(alternative) for alternative in content["alternatives"])
     return Registration(**content | parts)

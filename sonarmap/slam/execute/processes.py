@@ -1,5 +1,5 @@
-"""New processes, which share the cores and end with this one. No library is imported here, as a new process sets how
-many threads libraries use before it loads them."""
+"""Spawned processes, which share the cores and end with this one. No library is imported here, as a new process sets
+the number of their threads before it loads them."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -45,7 +45,7 @@ def _begin(workers: int, begin: Callable[..., None] | None, arguments: tuple[Any
 
 
 def _end_with_parent() -> None:
-    """A parent that is killed cannot tell its processes to end."""
+    """End this process when its parent is gone: a killed parent cannot end it."""
     parent = parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])
@@ -56,6 +56,6 @@ def _ended() -> Exception:
     from sonarmap.kernels.errors import InputError
 
     return InputError(
-        "a process of `workers` ended before its time, as happens where memory is short; use fewer. What is done is "
+        "one of the `workers` processes ended early, as happens where memory is short; use fewer. What is done is "
         "kept, and the same command continues from there."
     )

@@ -1,4 +1,4 @@
-"""A survey's pairs registered by whoever works, with a journal of those that are done, and how long it took."""
+"""The registration of a survey's pairs by an executor, with a journal of results and with timings."""
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
@@ -21,26 +21,26 @@ from sonarmap.spectral.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class PairTime:
-    # target, source: indices of its scans among all of the survey
+    # target, source: indices of the scans among all of the survey
     target: int
     source: int
-    seconds: float  # how long it took when it was computed, with the preparing of its scans [s]
+    seconds: float  # duration when it was computed, with the preparation of its scans [s]
     from_journal: bool  # whether an earlier run computed it
 
 
 @dataclass(slots=True)
 class Timings:
     pairs: list[PairTime] = field(default_factory=list)  # in the order in which they were done
-    stages: dict[str, float] = field(default_factory=dict)  # seconds of every stage, by its name
+    stages: dict[str, float] = field(default_factory=dict)  # duration of every stage [s], by its name
     _stage_start: float = field(default_factory=perf_counter)
 
     @property
     def from_journal(self) -> int:
-        """How many pairs an earlier run computed."""
+        """Number of pairs that an earlier run computed."""
         return sum(pair.from_journal for pair in self.pairs)
 
     def end_stage(self, name: str) -> None:
-        """Count the time since the end of the stage before to this stage; a stage may come up several times."""
+        """Add the time since the end of the last stage to this one, which may occur several times."""
         now = perf_counter()
         self.stages[name] = self.stages.get(name, 0.0) + now - self._stage_start
         self._stage_start = now
@@ -51,17 +51,17 @@ Progress = Callable[[int, int, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """Who registers a survey's pairs, and where the results are kept."""
+    """How a survey's pairs are registered, and where the results are kept."""
 
-    worker: PairWorker  # what registers; where the executor's workers are other processes, a `WorkerSpec`
-    executor: Executor = field(default_factory=this_process)  # what runs it
-    journal: Journal | None = None  # where results are kept and looked up; None for nowhere
-    method: str = ""  # a key of all that decides the result of a pair beside its scans, for the journal
-    timings: Timings = field(default_factory=Timings)  # how long it took, added to as it runs
+    worker: PairWorker  # registers pairs; a `WorkerSpec` if the executor's workers are other processes
+    executor: Executor = field(default_factory=this_process)  # runs the worker
+    journal: Journal | None = None  # keeps results for later runs; None for no journal
+    method: str = ""  # the journal's key of all that determines the result of a pair except its scans
+    timings: Timings = field(default_factory=Timings)  # updated during the run
 
     @classmethod
     def here(cls, registrar: Registrar, prepared: int) -> "Execution":
-        """This process, without a journal; `prepared` is how many prepared scans to keep, at least 2."""
+        """Execution in this process without a journal; `prepared` is the number of prepared scans to keep, >= 2."""
         return cls(Worker(registrar, prepared))
 
 
@@ -81,7 +81,7 @@ class PairRunner:
     """Registers the pairs of one survey.
 
     Args:
-        execution: who works, and the journal.
+        execution: the worker, its executor, and the journal.
         scans: the survey's; each is read once for its key, and again when a worker needs it.
         planned: number of progress steps known from the beginning, beside pairs.
         progress: called with (steps done, steps planned so far, text) after each step, or None.
@@ -91,18 +91,18 @@ class PairRunner:
         self._execution, self._all_scans = execution, scans
         self._scans = [scan_key(scan) for scan in scans]
         self._number = {scan: k for k, scan in enumerate(self._scans)}
-        self._numbers = list(range(len(scans)))  # of `_scans`, among all
+        self._numbers = list(range(len(scans)))  # index of each of `_scans` among all scans
         self._steps = _Steps(planned, progress)
 
     def of(self, chosen: Sequence[int]) -> "PairRunner":
-        """The same for some of the scans, which are then numbered 0, 1, ...; their progress goes on."""
+        """A runner for some of the scans, which it numbers 0, 1, ...; it continues the progress."""
         part = copy(self)
         part._scans = [self._scans[k] for k in chosen]
         part._numbers = [self._numbers[k] for k in chosen]
         return part
 
     def beside(self, versions: Sequence[Scan], numbers: Sequence[int]) -> "PairRunner":
-        """The same with versions of some scans, by their numbers, behind all others; their progress goes on."""
+        """A runner with versions of some scans (`numbers`) after all others; it continues the progress."""
         more, keys = copy(self), [scan_key(scan) for scan in versions]
         more._number = {key: len(self._all_scans) + n for n, key in enumerate(keys)} | self._number
         more._all_scans = [*self._all_scans, *versions]
@@ -120,13 +120,13 @@ class PairRunner:
         self._steps.step(stage)
 
     def end_stage(self, stage: str) -> None:
-        """Count the time since the last stage ended to this stage."""
+        """Add the time since the end of the last stage to this one."""
         self._execution.timings.end_stage(stage)
 
     def register(self, candidates: Sequence[Candidate]) -> list[RegisteredPair]:
         """Register scan j to scan i for every candidate, in their order.
 
-        A pair that cannot be registered has a failure instead. What the journal holds is not registered again.
+        A pair that cannot be registered has a failure instead. Results in the journal are used, not computed again.
 
         Raises:
             InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
@@ -149,10 +149,10 @@ class PairRunner:
         return [signatures[n] for n in range(len(self._scans))]
 
     def _results(self, jobs: Sequence[Job]) -> Iterator[tuple[int, TimedText, bool]]:
-        """Every job's number and result, and whether it is the journal's; these come first, the others once done."""
-        kept = [self._kept(job) for job in jobs]
-        yield from ((n, text, True) for n, text in enumerate(kept) if text is not None)
-        missing = [n for n, text in enumerate(kept) if text is None]
+        """Every job's index and result, and whether it is from the journal; those come first, others once done."""
+        journaled = [self._journaled(job) for job in jobs]
+        yield from ((n, text, True) for n, text in enumerate(journaled) if text is not None)
+        missing = [n for n, text in enumerate(journaled) if text is None]
         executor, journal = self._execution.executor, self._execution.journal
 
         def sources(piece: Sequence[Job]) -> tuple[dict[ScanKey, Any]]:
@@ -167,10 +167,10 @@ class PairRunner:
                 journal.add([JournalEntry(self._key(job), _label(job), *astuple(text)) for job, text in entries])
             yield from ((n, text, False) for n, text in done)
 
-    def _kept(self, job: Job) -> TimedText | None:
-        """The journal's result of a job, None for none.
+    def _journaled(self, job: Job) -> TimedText | None:
+        """The journal's result of a job; None if there is none.
 
-        A failure is taken over only where the scans have the same names, as these are in its words.
+        A failure is used only if the scans have the same names, as its message has these.
         """
         journal = self._execution.journal
         entry = None if journal is None else journal.entry(self._key(job))
@@ -182,7 +182,7 @@ class PairRunner:
         return TimedText(entry.content, entry.seconds)
 
     def _key(self, job: Job) -> str:
-        """Of all that decides a job's result: what is expected of a pair does."""
+        """The journal's key of all that determines a job's result, including a pair's expected pose."""
         kind, expected = ("signature", None) if isinstance(job, ScanKey) else ("pair", job.expected)
         if expected is not None:
             T = expected.T_target_source

@@ -1,5 +1,5 @@
-"""Keys that stand for scans, and how scans come to workers: as they are in this process, as files to other processes of
-this machine. Scans with the same key give the same results, whatever their names."""
+"""Keys of scans, and the transport of scans to workers: within this process, or by files to other processes of this
+machine. Scans with the same key give the same results, whatever their names."""
 
 import hashlib
 import json
@@ -20,10 +20,10 @@ from sonarmap.spectral.scan import PosePrior, Scan
 
 @dataclass(frozen=True, slots=True)
 class ScanKey:
-    """What a piece of work says instead of a scan."""
+    """The reference to a scan in a piece of work."""
 
-    content: str  # a digest of what the scan holds, as `content_key` gives it
-    name: str  # the scan's; messages hold it
+    content: str  # digest of the scan's content (`content_key`)
+    name: str  # the scan's name, for messages
 
 
 def scan_key(scan: Scan) -> ScanKey:
@@ -31,7 +31,7 @@ def scan_key(scan: Scan) -> ScanKey:
 
 
 def content_key(scan: Scan) -> str:
-    """A digest of the arrays and the prior of a scan; its stamp and its name decide nothing."""
+    """Digest of the arrays and the prior of a scan, without its stamp and its name."""
     prior = scan.prior
     pose = prior and prior.T_world_sensor.as_matrix()
     parts = [scan.points, scan.strength, scan.viewpoints, pose, prior and prior.sigmas]
@@ -52,7 +52,7 @@ _ARRAYS = ("points", "strength", "viewpoints", "times")
 
 
 class ScanSource(Protocol):
-    """Where a worker gets a scan from when it needs it."""
+    """Loads a scan when a worker needs it."""
 
     def load(self) -> Scan: ...
 
@@ -61,16 +61,16 @@ class Transport(Protocol):
     """Brings each scan to the workers, once, however many pieces of work need it."""
 
     def source(self, scan: ScanKey, load: Callable[[], Scan]) -> ScanSource:
-        """What to hand to a worker instead of the scan.
+        """The source to hand to a worker instead of the scan.
 
         Args:
-            load: gives the scan; called when it is needed, and the scan is not kept in this process.
+            load: returns the scan; called when the scan is needed. This process does not keep the scan.
         """
         ...
 
 
 class InProcess:
-    """The worker is in this process and takes scans from where they are."""
+    """Transport to a worker in this process, which loads scans directly."""
 
     def source(self, scan: ScanKey, load: Callable[[], Scan]) -> ScanSource:
         # pyrefly: ignore[bad-return]
@@ -84,10 +84,10 @@ class _Loaded:
 
 @contextmanager
 def spooled(folder: Path | None) -> "Iterator[_Spool]":
-    """Files that other processes of this machine read, for as long as the block lasts.
+    """Transport by files to other processes of this machine, for as long as the block lasts.
 
     Args:
-        folder: how the path of the new folder for them begins; None for one in the system's folder for temporary files.
+        folder: beginning of the path of the new folder; None for one in the system's folder for temporary files.
     """
     spool = _Spool(Path(tempfile.gettempdir()) / "sonarmap." if folder is None else folder)
     try:
@@ -97,10 +97,9 @@ def spooled(folder: Path | None) -> "Iterator[_Spool]":
 
 
 class _Spool:
-    """A file for every scan, written when it is needed first, in a folder that is made with the first.
+    """One file for every scan, written when it is first needed, in a folder that is made with the first file.
 
-    The folder is a new one with a random name, and for this user only: what somebody left or put there before is
-    neither written to nor read from.
+    The folder is new, has a random name and belongs to this user only, so that no other files are read or overwritten.
     """
 
     def __init__(self, beginning: Path) -> None:
@@ -137,7 +136,7 @@ class _Spool:
 class SpooledScan:
     """A scan in a file of its own: arrays as NumPy's .npz, the rest as JSON in it.
 
-    Nothing in it is pickled: whoever could change it could change a scan, but have no code run.
+    Nothing in it is pickled, so that a manipulated file cannot run code.
     """
 
     path: Path
@@ -153,20 +152,20 @@ class SpooledScan:
         """The scan.
 
         Raises:
-            DeviceError: the file is gone or another one, which is not the scan's fault.
+            DeviceError: the file was removed or changed, which is not the scan's fault.
         """
         try:
             with np.load(self.path, allow_pickle=False) as file:
                 content = dict(file)
             prior = None
             if "pose" in content:
-                # as it was: normalized once more, the last bits may differ
+                # normalizing again might change the last bits
                 T_world_sensor = RigidTransform(content["pose"], normalize=False)
                 prior = PosePrior(T_world_sensor, content["sigmas"])
             arrays = {name: content.get(name) for name in _ARRAYS}
             # pyrefly: ignore[bad-argument-type]
             return Scan(**arrays, prior=prior, **json.loads(str(content["rest"])))
-        except Exception as error:  # of a file that is not what was written anything may be wrong
+        except Exception as error:  # a changed file may raise anything
             raise DeviceError(
                 f"{self.path}, from where `workers` read a scan, was removed or changed ({error}). Leave the output "
                 "folder as it is while it is written to, and run the same command again."

@@ -1,4 +1,4 @@
-"""What registers pairs: one registrar and the scans that it prepared last, and what another process makes it from."""
+"""Workers, which register pairs by a registrar with its latest prepared scans, in this or in another process."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -20,25 +20,25 @@ from sonarmap.spectral.result import Registrar
 
 Sources = Mapping[ScanKey, ScanSource]
 
-# Prepared scans that are kept. Pairs are registered in the order of their scans, so that more save no time; the rest of
-# the memory is for the map and other programs.
-_LEAST_PREPARED = 8
-_MOST_PREPARED = 16
-_MEMORY_DIVISOR = 8  # of the device's memory, the part that prepared scans may take
+# Numbers of prepared scans to keep. Pairs are registered in the order of their scans, so more would save no time; the
+# rest of the memory is for the map and other programs.
+_MIN_PREPARED = 8
+_MAX_PREPARED = 16
+_MEMORY_DIVISOR = 8  # the device's memory, over the part that prepared scans may take
 IDLE = 60.0  # [s] without work, as while a large map is fused, after which a process frees its worker
 
 
 def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
-    """How many prepared scans to keep: as many as are useful and fit, with one more while the next is prepared.
+    """Number of prepared scans to keep: as many as are useful and fit, along with the one that is being prepared.
 
-    The registrar's `device` and `grid`, where it has them, say how much memory one takes; `workers` share it.
+    The memory of a scan follows from the registrar's `device` and `grid`, if it has them; `workers` share the device.
     """
     device, grid = getattr(registrar, "device", None), getattr(registrar, "grid", None)
     if device is None or grid is None:
-        return _LEAST_PREPARED
+        return _MIN_PREPARED
     fitting = max(2, scans_that_fit(device, grid.edge) - 1)
     useful = device.memory // (_MEMORY_DIVISOR * workers * prepared_size(grid.edge))
-    return min(fitting, max(_LEAST_PREPARED, min(_MOST_PREPARED, useful)))
+    return min(fitting, max(_MIN_PREPARED, min(_MAX_PREPARED, useful)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,12 @@ class TimedText:
     """The result of registering a pair, or a scan's signature, as text (`slam.execute.pair_text`)."""
 
     content: str  # the result
-    seconds: float  # how long it took, with the preparing of scans [s]
+    seconds: float  # duration, with the preparation of scans [s]
 
 
 @dataclass(frozen=True, slots=True)
 class PairJob:
-    """Two scans to register, source to target, and where the motion expects them to lie; None where nothing does."""
+    """Two scans to register, source to target, and their relative pose if the motion predicts one."""
 
     target: ScanKey
     source: ScanKey
@@ -62,10 +62,10 @@ Job = PairJob | ScanKey  # a pair to register, or a scan whose signature is want
 
 
 class PairWorker(Protocol):
-    """What an executor runs to register pairs."""
+    """The task that an executor runs to register pairs."""
 
     def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
-        """What comes of every job; `sources` give the scans."""
+        """The result of every job, in their order; `sources` give the scans."""
         ...
 
     def release(self) -> None: ...
@@ -74,26 +74,26 @@ class PairWorker(Protocol):
 class Worker:
     """A registrar with the scans that it prepared last.
 
-    Prepared scans hold device memory: the `prepared` used last are kept, and one more while the next is prepared.
-    BLAS works in one thread meanwhile: how it sums depends on the number of its threads, and on arrays as small as a
-    pair's several are slower.
+    Prepared scans hold device memory: the last `prepared` used are kept, and one more while the next is prepared.
+    BLAS runs in one thread: its rounding depends on the number of threads, and several are slower on arrays as small as
+    a pair's.
 
     Args:
-        prepared: how many prepared scans to keep, at least 2.
+        prepared: number of prepared scans to keep, at least 2.
     """
 
     def __init__(self, registrar: Registrar, prepared: int) -> None:
         self._registrar, self._most = registrar, prepared
-        self._prepared: dict[ScanKey, Any] = {}  # the one used last comes last
+        self._prepared: dict[ScanKey, Any] = {}  # in the order of their last use
         self._threads = ThreadpoolController()
 
     def release(self) -> None:
-        """Free the prepared scans, and the memory that others would have used again."""
+        """Free the prepared scans, and the device memory that is kept for reuse."""
         self._prepared.clear()
         free_recycled()
 
     def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
-        """Where a pair fails, its text says why; a scan that cannot be prepared has no signature.
+        """The result of every job. A failed pair's text says why; a scan that cannot be prepared has no signature.
 
         Raises:
             DeviceError: the machine failed, not the scans.
@@ -131,7 +131,7 @@ class Worker:
 
     def _signature(self, scan: ScanKey, sources: Sources) -> str:
         signature = None
-        with suppress(InputError):  # its pairs will tell why
+        with suppress(InputError):  # the failures of its pairs say why
             # pyrefly: ignore[missing-attribute]
             signature = self._registrar.signature(self._prepare(scan, sources))
         return signature_to_text(signature)
@@ -139,14 +139,14 @@ class Worker:
 
 @dataclass(frozen=True, slots=True)
 class WorkerSpec:
-    """What another process makes its worker from, once. It travels with every piece of work, so its parts are small."""
+    """The specification of another process's worker. It is sent with every piece of work, so its parts are small."""
 
     make: Callable[[], Registrar]  # makes the registrar; a function of a module, or a partial of one
-    key: str  # of the method: the same for two specifications that make the same
-    prepared: int  # how many prepared scans to keep, at least 2
+    key: str  # of the method: equal for specifications that make equal registrars
+    prepared: int  # number of prepared scans to keep, at least 2
 
     def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
-        """As `Worker.run`, by the worker of the process that this is called in."""
+        """`Worker.run` of the calling process's worker, which is made on the first call."""
         with _worker_of_process(self) as worker:
             return worker.run(jobs, sources)
 
@@ -154,7 +154,7 @@ class WorkerSpec:
         """Nothing to free: the process that hands out the work has no worker."""
 
 
-# Of this process; the timer that frees them has a thread of its own.
+# The worker of this process; the lock is for the thread of the timer that frees it.
 _lock = Lock()
 _workers: dict[tuple[str, int], Worker] = {}
 _last_used = 0.0
@@ -169,7 +169,7 @@ def _worker_of_process(spec: WorkerSpec) -> Iterator[Worker]:
         if _idle_timer is not None:
             _idle_timer.cancel()
         if key not in _workers:
-            _workers.clear()  # the device's memory is for one
+            _workers.clear()  # the device's memory suffices for one
             _workers[key] = Worker(spec.make(), spec.prepared)
         try:
             yield _workers[key]

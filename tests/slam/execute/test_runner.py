@@ -109,7 +109,7 @@ def test_a_run_continues_after_every_stop(work: Work, undisturbed: list[str]) ->
 
 
 def test_a_killed_worker_is_reported_and_finished_pairs_are_kept(work: Work, undisturbed: list[str]) -> None:
-    with pytest.raises(InputError, match=r"ended before its time.* continues from there"):
+    with pytest.raises(InputError, match=r"ended early.* continues from there"):
         work.run("processes 1", ending="kill 7 8")
     begun = work.registered()
     assert len(begun) >= 4
