@@ -1,4 +1,4 @@
-"""The map: points of all scans fused, cleared by free space, and how far overlapping passes lie apart.
+"""The map: points of all scans fused and cleared by free space, and the distance between overlapping passes.
 
 In: scans and their poses with covariances. Out: a `PointMap` per component and survey, and the `CrossingError`.
 """

@@ -1,4 +1,4 @@
-"""Points sorted into the cubes of a world-wide lattice, and which scans occupy the same ones under given poses."""
+"""Cells of a world-wide cubic lattice: the points in them, and the overlap of scans under given poses."""
 
 from collections.abc import Sequence
 
@@ -8,24 +8,23 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.scan import Scan
 
-BITS = 21  # per axis: three fit one int64, and two million cells along an axis
+BITS = 21  # of a key per axis: an int64 holds three axes of two million cells each
 _HALF = 1 << (BITS - 1)
-# Scans that are compared with all others at a time; bounds the memory.
-_TOGETHER = 500
+_TOGETHER = 500  # scans that are compared with all others at a time, which bounds the memory
 
 
 def lattice_origin(points: np.ndarray, size: float) -> np.ndarray:
-    """(3,) [m], the corner of a cell in the midst of points (N, 3) [m]; stray ones do not move it.
+    """(3,) [m], the corner of the cell at the median of points (N, 3) [m], which stray points do not move.
 
-    Corners lie at multiples of `size`, so that the lattice is the same wherever its cells are counted from.
+    Corners lie at multiples of `size`, so that the lattice is the same for every origin.
     """
     return np.floor(np.median(points, axis=0) / size) * size
 
 
 def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One number per point that tells its cell: equal for points of one cell, ordered by x, then y, then z.
+    """One key per point: equal for points of one cell, ordered by x, then y, then z.
 
-    Points farther than a million cells from the origin along an axis, such as stray echoes, have no number.
+    Points farther than a million cells from the origin along an axis, such as stray echoes, have no key.
 
     Args:
         points: (N, 3) float [m].
@@ -33,7 +32,7 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.n
         origin: (3,) [m], a corner of the lattice near the points: cells are counted from it.
 
     Returns:
-        (K,) int64 of the points within reach, in their order, and (N,) bool, which points these are.
+        (K,) int64 keys of the points within reach, in their order, and (N,) bool, which points these are.
     """
     columns = [np.floor((points[:, axis] - origin[axis]) / size) for axis in range(3)]
     near = np.ones(len(points), bool)
@@ -44,8 +43,8 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.n
 
 
 def cell_means(points: np.ndarray, size: float) -> np.ndarray:
-    """(K, 3) float64 [m]: the mean of (N, 3) points [m], about the origin, in each cell of an edge of `size` [m],
-    ordered by cell; stray points are left out."""
+    """(K, 3) float64 [m]: the mean of the (N, 3) points [m] in each occupied cell with an edge of `size` [m], ordered
+    by cell; points more than a million cells from 0 are left out."""
     points = points.astype(np.float64)
     keys, near = cell_keys(points, size, np.zeros(3))
     names, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
@@ -54,22 +53,21 @@ def cell_means(points: np.ndarray, size: float) -> np.ndarray:
 
 
 def outline(scan: Scan, cell: float) -> np.ndarray:
-    """(K, 3) float64 [m, sensor frame]: one point for every eighth of a cell that the scan occupies, their mean."""
+    """(K, 3) float64 [m, sensor frame]: the scan's mean point in every occupied cell of half the edge `cell` [m]."""
     return cell_means(scan.points, cell / 2)
 
 
 def overlapping(
     outlines: Sequence[np.ndarray], T_world_sensor: RigidTransform, cell: float, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Scans that share cells: (m, 2) int64, i < j in order, and (m,) float64 the share, 0..1, the smaller of both ways.
-
-    Points a million cells away from the first scan, stray echoes, do not count.
+    """Pairs of scans that share cells, (m, 2) int64, i < j, in order, and (m,) float64 their overlap, 0..1, the smaller
+    of both ways. Points a million cells away from the first scan, stray echoes, do not count.
 
     Args:
         outlines: of N scans, (K, 3) each [m, sensor frame].
         T_world_sensor: their poses as estimated, in one frame.
         cell: edge of a cell [m].
-        least: smallest share of a pair that counts, above 0.
+        least: smallest overlap of a returned pair, above 0.
     """
     origin = lattice_origin(T_world_sensor[0].apply(outlines[0]), cell)
     occupied = [

@@ -1,16 +1,15 @@
-"""All maps of one component: of all its scans, and of each survey alone.
+"""The maps of one component: of all its scans, and of each survey alone.
 
-Points that too few scans saw where others looked, false echoes most of them, are apart from the map. That a scan saw a
-point alone speaks against it only where others looked. These are the three ways in which what they saw, or what the
-scan itself saw around, then contradicts it:
+Doubtful points, most of them false echoes, are kept apart from the map. Too few scans saw them although others looked
+there, and they are contradicted in one of three ways:
 
-- passed: at least as many scans saw something farther off in its direction as something there;
+- passed: at least as many scans saw something farther off in its direction as saw something there;
 - behind: its own scan saw something nearer all around it. Sound does not come from behind what reflects it: the
-  echo took a detour over a mirror, or is a wild one. About an edge or a slope there are farther echoes;
-- beside: a surface that twice as many scans saw passes by, and none of its points is near: the fringe of noise.
+  echo took a detour over a mirror, or is a false one. Around an edge or a slope there are farther echoes;
+- beside: it lies next to a surface that twice as many scans saw, but not on it: the fringe of noise.
 
-Distances are in voxels, and nothing else is compared with a constant: in sparse scans, at a survey's rim and in a
-single pass all points are seen as seldom as those around them.
+Distances are in voxels, and other thresholds are relative: in sparse scans, at a survey's rim and in a single pass all
+points are seen as seldom as those around them.
 """
 
 from collections.abc import Mapping
@@ -26,12 +25,12 @@ from sonarmap.slam.map.free_space import Votes, uncontradicted, votes
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
 
-MIN_SEEN = 2  # scans that have to see a point where others looked, unless the user says how many
-_SURFACE_RADIUS = 2.0  # of the surface about a point [voxels]
-_SURFACE_POINTS = 12  # of it, at most
-_SEEN_RATIO = 2  # a surface was seen well if more scans than this ratio saw it for each that saw the point beside it
-_NEAR = 0.75  # a point this near to what was seen well is part of it [voxels]
-_AT_A_TIME = 100_000  # points that are looked at together, so that memory stays small
+MIN_SEEN = 2  # scans that have to see a point where others looked, by default
+_SURFACE_RADIUS = 2.0  # up to which neighbors form the surface about a point [voxels]
+_SURFACE_POINTS = 12  # largest number of these neighbors
+_SEEN_RATIO = 2  # of the scans that saw a well-seen surface to those that saw the point beside it, at least
+_NEAR = 0.75  # distance up to which a point is part of a well-seen surface [voxels]
+_AT_A_TIME = 100_000  # points that are processed together, which bounds the memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +41,14 @@ class CleanMap:
 
 @dataclass(frozen=True, slots=True)
 class ComponentMaps:
-    """The maps of n scans that edges join."""
+    """The maps of a component of n scans."""
 
-    optimized: PointMap  # the map
-    # the points that were left out of it, as too few scans saw them where others looked; None where that was not asked
-    doubtful: PointMap | None
-    # the map of each survey's scans alone, by the survey's number, and what is doubtful by these scans; none where
-    # there is one survey. In the map of all, a survey may contradict what an earlier one saw
-    # and what has changed since: a layer is the place as that survey found it
+    optimized: PointMap  # the map of all scans
+    doubtful: PointMap | None  # the doubtful points that were left out of it; None if `min_seen` is 1
+    # maps of each survey's scans alone, by the survey's number; none if there is only one survey. In the map of all, a
+    # survey may contradict what has changed since an earlier one; a layer shows the place as its survey saw it
     layers: Mapping[int, CleanMap]
-    crossings: CrossingError  # how far overlapping passes lie apart, before and after
+    crossings: CrossingError  # distances between overlapping passes, before and after the optimization
 
 
 def component_maps(
@@ -63,20 +60,20 @@ def component_maps(
         placed: n scans at their optimized poses, their indices ascending.
         chained: their n poses before the loops, in the same frame.
         min_seen: scans that have to see a point where others looked; 1 leaves nothing out.
-        executor: who asks the scans about the points; None for this process.
+        executor: compares scans with the map's points; None for this process.
     """
     layers = {number: clean_map(scans, min_seen, executor) for number, scans in placed.by_survey.items()}
-    parted, asked = clean_map(placed, min_seen, executor), min_seen > 1
+    whole = clean_map(placed, min_seen, executor)
     return ComponentMaps(
-        optimized=parted.clean,
-        doubtful=parted.doubtful if asked else None,
+        optimized=whole.clean,
+        doubtful=whole.doubtful if min_seen > 1 else None,
         layers=layers,
         crossings=crossing_error(placed, chained.T_world_sensor),
     )
 
 
 def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN, executor: Executor | None = None) -> CleanMap:
-    """Fuse scans, take out what free space contradicts, and part what too few scans saw where others looked."""
+    """Fuse scans, remove points that free space contradicts, and separate doubtful ones."""
     fused = fuse(placed)
     vote = votes(fused, placed, executor)
     kept = uncontradicted(fused, vote)
@@ -85,32 +82,31 @@ def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN, executor: Executor 
 
 
 def part_doubtful(point_map: PointMap, vote: Votes, min_seen: int = MIN_SEEN) -> CleanMap:
-    """Take out what fewer than `min_seen` scans saw and others contradict, of what free space left; 1 takes out
-    nothing."""
-    asked = replace(point_map, looked=vote.looked)
+    """Separate points that fewer than `min_seen` scans saw and that are contradicted; 1 separates none."""
+    voted = replace(point_map, looked=vote.looked)
     few = (point_map.seen < min_seen) & (vote.looked > point_map.seen)
     doubtful = few & (vote.behind | (vote.contradict > 0) & (vote.contradict >= vote.agree))
     rest = np.flatnonzero(few & ~doubtful)
     doubtful[rest] = _beside(point_map, rest)
-    if doubtful.all():  # nothing is left that could contradict it
+    if doubtful.all():  # nothing would be left that could contradict them
         doubtful[:] = False
     count = int(np.count_nonzero(doubtful))
-    return CleanMap(replace(asked.take(~doubtful), doubted=count), asked.take(doubtful))
+    return CleanMap(replace(voted.take(~doubtful), doubted=count), voted.take(doubtful))
 
 
 def _beside(point_map: PointMap, chosen: np.ndarray) -> np.ndarray:
-    """Which of the `chosen` points (n,) lie beside a surface that was seen well, (n,) bool."""
+    """(n,) bool: which of the `chosen` points (n,) lie beside a well-seen surface."""
     beside = np.zeros(len(chosen), bool)
     if not len(chosen):
         return beside
-    # one query of few points: what balancing costs it does not save
+    # balancing the tree costs more than it saves in a query of few points
     tree = KDTree(point_map.points, leafsize=32, compact_nodes=False, balanced_tree=False)
-    seen = np.append(point_map.seen, 0)  # the last stands for neighbors that there are not
+    seen = np.append(point_map.seen, 0)  # the last stands for missing neighbors
     for first in range(0, len(chosen), _AT_A_TIME):
         some = slice(first, first + _AT_A_TIME)
-        places = point_map.points[chosen[some]]
+        points = point_map.points[chosen[some]]
         distance, near = tree.query(
-            places, _SURFACE_POINTS + 1, distance_upper_bound=_SURFACE_RADIUS * point_map.voxel
+            points, _SURFACE_POINTS + 1, distance_upper_bound=_SURFACE_RADIUS * point_map.voxel
         )  # the first is the point itself
         around, count = seen[np.asarray(near)[:, 1:]], np.isfinite(distance[:, 1:]).sum(axis=1)
         well = _SEEN_RATIO * point_map.seen[chosen[some]]

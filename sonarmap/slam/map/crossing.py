@@ -1,4 +1,4 @@
-"""How far apart two passes over the same place lie: a measure of the map's error that needs no truth."""
+"""The distance between two passes over the same place: a measure of the map's error without ground truth."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -12,21 +12,21 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import cell_means, outline, overlapping
 from sonarmap.slam.map.placed import PlacedScans
 
-APART = 10  # scans of one pass follow each other more closely than this
-PER_SCAN = 2  # crossings that a scan takes part in
-MOST = 1000  # crossings that are looked at; of more, as many from all over the survey
-SCANS = 2000  # scans among which crossings are sought; of more, as many from all over the survey
+APART = 10  # smallest difference of the indices of two scans in different passes
+PER_SCAN = 2  # largest number of crossings of a scan
+MOST = 1000  # largest number of crossings; of more, an even selection
+SCANS = 2000  # largest number of scans among which crossings are sought; of more, an even selection
 _CELL = 4.0  # edge of the cells in which overlap is counted [voxels]
 _MIN_OVERLAP = 0.3  # share of cells in common
-_SAMPLE = 1000  # points of a scan
+_SAMPLE = 1000  # points of a scan that are compared, about
 _PLANE_POINTS = 8
-_SHARED = 3.0  # a point that has a neighbor this near in the other scan was seen by both [voxels]
-_MIN_SHARED = 50  # points that both have seen
+_SHARED = 3.0  # both scans saw a point if its neighbor in the other scan is this near [voxels]
+_MIN_SHARED = 50  # smallest number of points that both scans saw
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How far points of one pass lie from the surface of another: the median and the 90th percentile [m]."""
+    """Distances of the points of one pass from the surface of another: median and 90th percentile [m]."""
 
     median: float
     most: float
@@ -37,17 +37,17 @@ class Crossing:
     # i, j: the scans, i < j
     i: int
     j: int
-    # before, after: the distances between what both saw, under either estimate of the poses
+    # before, after: distances where both scans saw the surface, at the poses before and after optimization
     before: Spread
     after: Spread
 
 
 @dataclass(frozen=True, slots=True)
 class CrossingError:
-    """Of all crossings together.
+    """The crossings of a map, and their typical distances.
 
     Attributes:
-        crossings: by i, then j; none where no pass crosses another.
+        crossings: ordered by i, then j; none where no pass crosses another.
         before, after: the median over the crossings of their medians and 90th percentiles; None without any.
     """
 
@@ -55,7 +55,7 @@ class CrossingError:
 
     @classmethod
     def of(cls, errors: Iterable["CrossingError"]) -> "CrossingError":
-        """Of several components together."""
+        """The crossings of several components together."""
         return cls(tuple(crossing for error in errors for crossing in error.crossings))
 
     @property
@@ -78,18 +78,18 @@ def _typical(spreads: Sequence[Spread]) -> Spread | None:
 def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError:
     """Distances between overlapping passes, under the poses before and after their optimization.
 
-    Two scans cross if they overlap under the poses after and lie `APART` scans apart or in different surveys; each
-    scan takes part in `PER_SCAN` crossings at most, those of largest overlap, and `MOST` are looked at, among `SCANS`.
-    Both scans are thinned to one mean a voxel, which averages some of their noise away. Of the points that both saw, as
-    the poses after say, each one's distance is that to the plane through the nearest points of the other scan, sought
-    anew under either estimate. The ranges' noise is part of it: it is not 0 under the true poses.
+    Two scans cross if they overlap at the poses after and lie `APART` scans apart or in different surveys. A scan takes
+    part in at most `PER_SCAN` crossings, those of largest overlap; at most `MOST` crossings of `SCANS` scans count.
+    Both scans are thinned to one mean per voxel, which averages some noise away. For each point that both saw at the
+    poses after, the distance is that to the plane through the nearest points of the other scan, before and after. It
+    contains the noise of the ranges and is not 0 at the true poses.
 
     Args:
         placed: S scans of one component at their optimized poses, their indices ascending as they were taken.
         before: their S chained poses.
     """
     if len(before) != len(placed.scans):
-        raise InputError(f"{len(placed.scans)} scans and {len(before)} poses before: wanted as many of each")
+        raise InputError(f"{len(placed.scans)} scans and {len(before)} poses before: wanted one pose per scan")
     voxel, after, crossings = placed.voxel, placed.T_world_sensor, list[Crossing]()
     for a, b in _pairs(placed):
         target, source = (cell_means(placed.scans[k].points, voxel) for k in (a, b))
@@ -105,15 +105,15 @@ def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError
 
 
 def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
-    """The crossings to look at, as places in the sequence, ascending."""
+    """The pairs of scans that cross, as ascending positions in `placed`."""
     if len(placed.scans) < 2:
         return []
     chosen = np.arange(0, len(placed.scans), -(-len(placed.scans) // SCANS))
     outlines = [outline(placed.scans[k], _CELL * placed.voxel) for k in chosen.tolist()]
     pairs, overlap = overlapping(outlines, placed.T_world_sensor[chosen], _CELL * placed.voxel, _MIN_OVERLAP)
     pairs = chosen[pairs]
-    called, group = np.array(placed.indices)[pairs], np.array(placed.surveys)[pairs]
-    apart = (np.abs(called[:, 0] - called[:, 1]) >= APART) | (group[:, 0] != group[:, 1])
+    index, survey = np.array(placed.indices)[pairs], np.array(placed.surveys)[pairs]
+    apart = (np.abs(index[:, 0] - index[:, 1]) >= APART) | (survey[:, 0] != survey[:, 1])
     taken: Counter[int] = Counter()
     kept = []
     for k in np.lexsort((pairs[:, 1], pairs[:, 0], -overlap)):
@@ -125,7 +125,7 @@ def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
 
 
 def _spread(surface: np.ndarray, tree: KDTree, points: np.ndarray) -> Spread:
-    """Of points (n, 3) from the planes through the nearest points of a surface, both in one frame [m]."""
+    """Distances of points (n, 3) from the planes through the nearest points of a surface, in the same frame [m]."""
     near = surface[tree.query(points, _PLANE_POINTS)[1]]
     middle = near.mean(axis=1)
     away = near - middle[:, None]

@@ -1,5 +1,4 @@
-"""What every scan saw over directions, what it thereby says of every point of a map, and which points go: beams passed
-them."""
+"""Visibility of a map's points: which scans agree with a point, and which contradict it, as their beams passed it."""
 
 from __future__ import annotations
 
@@ -23,36 +22,31 @@ _MARGIN_SIGMAS = 2.0
 _MIN_CONTRADICTING = 2  # scans
 _BEAMS_PER_CELL = 2.0  # along a side: a finer view has holes between the beams
 _EDGES = (16, 256)  # of a view, coarsest and finest [cells]
-_LEVELS = 3  # of each view, every next one half as fine, for points whose direction is less sure
-# Of the nine cells about a direction, how many hold an echo where a view is not empty, and where it has no hole
-_FILLED = 5
-_CLOSED = 9
-_ROUNDING = 1 + 1e-6  # the farthest point of a scan is within its own reach
-# Where one of nine cells holds an echo, it is at most two cells away along either side of the map, which are 2 / edge
-# wide there; a step on the octahedron is no longer than sqrt(6) of the larger of both, and seen from its middle sqrt(3)
-# times that at most [rad * edge].
+_LEVELS = 3  # of each view, every next one half as fine, for points whose direction is less certain
+_FILLED = 5  # least number of the nine cells about a direction that hold an echo where a view is not empty
+_CLOSED = 9  # least number of these cells where a view has no hole
+_ROUNDING = 1 + 1e-6  # factor by which the farthest point of a scan is within its reach
+# Largest angle from a direction to an echo in the nine cells about it, times the edge of the view [rad]: two cells, of
+# width 2 / edge, along each side; times sqrt(6) for a step on the octahedron and sqrt(3) for the angle at its center.
 _ASIDE = 2 * 2 * np.sqrt(6) * np.sqrt(3)
-_CROWD = 3  # echoes in a cell from which the nearest is left out, as it may be false
+_CROWD = 3  # in a cell with at least this number of echoes, the nearest is ignored, as it may be false
 
 
 @dataclass(frozen=True, slots=True)
 class Votes:
-    agree: np.ndarray  # (M,) int32, scans whose nearest surface in that direction is there
-    contradict: np.ndarray  # (M,) int32, scans whose beams passed there and met something farther off
-    # (M,) int32, scans whose beams went that way, close together: they met the point, passed it, or met something
-    # before it
-    looked: np.ndarray
-    # (M,) bool, whether the view of the scan that saw most of the point shows something nearer all about it
-    behind: np.ndarray
+    agree: np.ndarray  # (M,) int32, scans whose nearest surface in the point's direction is there
+    contradict: np.ndarray  # (M,) int32, scans whose beams passed the point and hit something farther off
+    looked: np.ndarray  # (M,) int32, scans with dense beams in the point's direction, whatever they hit
+    behind: np.ndarray  # (M,) bool, whether the point's scan (`PointMap.scan`) saw something nearer all around it
 
     @classmethod
     def none(cls, count: int) -> Votes:
-        """Of so many points, before any scan is asked."""
+        """Votes on `count` points before any scan has voted."""
         agree, contradict, looked = np.zeros((3, count), np.int32)
         return cls(agree, contradict, looked, np.zeros(count, bool))
 
     def add(self, chosen: np.ndarray, more: Votes) -> None:
-        """Add what other scans say about these points, (m,) int64, each once."""
+        """Add the votes of other scans on the `chosen` points, (m,) int64, each once."""
         for field in fields(Votes):
             getattr(self, field.name)[chosen] += getattr(more, field.name)
 
@@ -61,18 +55,18 @@ class Votes:
 
 
 def uncontradicted(point_map: PointMap, vote: Votes) -> np.ndarray:
-    """The points that free space does not contradict, (M,) bool.
+    """(M,) bool: the points that free space does not contradict.
 
-    A point goes if at least two scans contradict it, more than agree with it, and more than have a point in its voxel.
-    What no beam passed cannot be contradicted: echoes from behind a surface, as of multipath, stay.
+    At least two scans contradict a point that is not kept, more than agree with it, and more than have a point in its
+    voxel. Echoes from behind a surface, such as multipath, are kept, as no beam passed them.
     """
     support = np.maximum(vote.agree, point_map.seen)
     return (vote.contradict < _MIN_CONTRADICTING) | (vote.contradict <= support)
 
 
 def votes(point_map: PointMap, placed: PlacedScans, executor: Executor | None = None) -> Votes:
-    """Ask every scan that was seen from one viewpoint about every point of the map that its view takes in; `executor`:
-    who does it, by default this process."""
+    """The votes of all scans with a single viewpoint on the points in their views; computed by `executor`, by default
+    in this process."""
     total = Votes.none(len(point_map.points))
     within, near = ball_search(point_map.points), dict[range, np.ndarray]()
 
@@ -81,13 +75,13 @@ def votes(point_map: PointMap, placed: PlacedScans, executor: Executor | None = 
         near[places] = within(*_ball_of(portion))
         return point_map.take(near[places]), portion
 
-    for places, said in in_portions(executor or this_process(), placed.scans, _votes, needs):
-        total.add(near.pop(places), said)
+    for places, portion_votes in in_portions(executor or this_process(), placed.scans, _votes, needs):
+        total.add(near.pop(places), portion_votes)
     return total
 
 
 def _ball_of(placed: PlacedScans) -> tuple[np.ndarray, float]:
-    """The center (3,) and the radius of a ball that holds all that scans see [m, world]."""
+    """Center (3,) and radius of a ball around all points of the scans [m, world]."""
     places = placed.T_world_sensor.translation
     center = (places.min(axis=0) + places.max(axis=0)) / 2
     reaches = [float(np.linalg.norm(scan.points.astype(np.float64), axis=1).max()) for scan in placed.scans]
@@ -95,7 +89,7 @@ def _ball_of(placed: PlacedScans) -> tuple[np.ndarray, float]:
 
 
 def _votes(point_map: PointMap, placed: PlacedScans) -> Votes:
-    said = Votes.none(len(point_map.points))
+    result = Votes.none(len(point_map.points))
     within = ball_search(point_map.points)
     for k, (scan, beams) in enumerate(zip(placed.scans, placed.beams, strict=True)):
         if not beams.single:
@@ -107,22 +101,22 @@ def _votes(point_map: PointMap, placed: PlacedScans) -> Votes:
         aside = local @ R_view_sensor[2] < view.widest * np.sqrt(np.einsum("ij,ij->i", local, local))
         near, local = near[~aside], local[~aside]
         directions = local @ R_view_sensor.T
-        unsure = point_map.sigma[near].astype(np.float64) ** 2 + pose_variance(local, placed.covariances[k])
-        seen, passed, asked = _ask(view, local, directions, np.sqrt(unsure), point_map.voxel)
-        said.agree[near] += seen
-        said.contradict[near] += passed
-        said.looked[near] += asked
+        variance = point_map.sigma[near].astype(np.float64) ** 2 + pose_variance(local, placed.covariances[k])
+        agree, contradict, looked = _compare(view, local, directions, np.sqrt(variance), point_map.voxel)
+        result.agree[near] += agree
+        result.contradict[near] += contradict
+        result.looked[near] += looked
         own = np.flatnonzero(point_map.scan[near] == placed.indices[k])
-        ranges = np.linalg.norm(local[own], axis=1)  # in its own view a point errs by its range alone
+        ranges = np.linalg.norm(local[own], axis=1)  # in the point's own scan only its range errs
         ranges -= _tolerance(ranges, beams.sigma(ranges), point_map.voxel)
-        said.behind[near[own]] = view.behind(directions[own], ranges)
-    return said
+        result.behind[near[own]] = view.behind(directions[own], ranges)
+    return result
 
 
 def ball_search(points: np.ndarray) -> Callable[[np.ndarray, float], np.ndarray]:
-    """A function that tells which of (M, 3) points [m] are nearer to a center (3,) than a radius [m], ascending.
+    """A function that returns the ascending indices of the (M, 3) points [m] within a radius [m] of a center (3,).
 
-    It measures those of a slab along x, which is thin where the points are ordered by x, as a map's are.
+    It searches a slab along x, which is thin if the points are ordered by x, as a map's are.
     """
     x = points[:, 0]
     most, least = np.maximum.accumulate(x), np.minimum.accumulate(x[::-1])[::-1]
@@ -135,18 +129,18 @@ def ball_search(points: np.ndarray) -> Callable[[np.ndarray, float], np.ndarray]
     return within
 
 
-def _ask(
+def _compare(
     view: _View, points: np.ndarray, directions: np.ndarray, sigma: np.ndarray, voxel: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which points (n, 3) [m, sensor frame] a view agrees with, which it contradicts, and which it looked toward.
+    """(n,) bool each: the points (n, 3) [m, sensor frame] that a view agrees with, contradicts, and looked toward.
 
-    Their directions (n, 3) are turned as the view's, and their standard deviations (n,) [m].
+    `directions` (n, 3) are in the view's frame, and `sigma` (n,) are the points' standard deviations [m].
     """
     ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
-    # the nine cells reach half again a cell's width to every side
+    # the nine cells reach 1.5 cells to every side
     reach = 1.5 * np.sqrt(4 * np.pi) / len(view.levels[0]) * ranges
     doublings = np.ceil(np.log2(np.maximum(_MARGIN_SIGMAS * sigma, 1e-12) / np.maximum(reach, 1e-12)))
-    nearest = np.full(len(points), np.nan)  # it stays so where the direction is not sure enough for any level
+    nearest = np.full(len(points), np.nan)  # stays NaN where the direction is too uncertain for every level
     for fineness, image in enumerate(view.levels):
         chosen = np.flatnonzero(np.maximum(doublings, 0) == fineness)
         nearest[chosen] = image.ravel()[octahedral_cells(directions[chosen], len(image))]
@@ -155,32 +149,32 @@ def _ask(
 
 
 def _tolerance(ranges: np.ndarray, sigma: np.ndarray, voxel: float) -> np.ndarray:
-    """How far a point may be before or behind a surface and still be taken for it (n,) [m]."""
+    """(n,) largest distance before or behind a surface at which a point counts as part of it [m]."""
     return _MARGIN_VOXELS * voxel + _MARGIN_SHARE * ranges + _MARGIN_SIGMAS * sigma
 
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    # (3, 3): turns the middle of the beams to the octahedral map's, the z axis, so that its seams lie behind
+    # (3, 3): turns the mean beam to the z axis, the center of the octahedral map, so that its seams lie behind
     R_view_sensor: np.ndarray
-    widest: float  # cosine of an angle from the middle, beyond which no level tells anything
-    # of every fineness, (edge, edge) float64: the nearest range [m] of each cell and the eight around it; NaN where too
-    # few of these hold an echo to tell anything
+    widest: float  # cosine of the angle from the mean beam beyond which all levels are NaN
+    # each (edge, edge) float64: the nearest range in each cell and the eight around it [m]; NaN where too few of these
+    # hold an echo
     levels: tuple[np.ndarray, ...]
-    # of the two finest, (edge, edge) float64: what the nine cells' nearest ranges do not exceed [m]; NaN where a beam
+    # of the two finest levels, (edge, edge) float64: largest of the nine cells' nearest ranges [m]; NaN where a beam
     # may have passed between them
     closed: tuple[np.ndarray, ...]
     reach: float  # the farthest range [m]
 
     def behind(self, directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-        """Whether places lie farther than all that was seen about their directions, (n,) bool.
+        """(n,) bool: whether points lie farther than everything that was seen about their directions.
 
-        The second image sees past clumps of false echoes, which beams have in common with their neighbors: of each of
-        its cells, four beams wide, the nearest counts, and every one has to hold an echo.
+        The second image ignores clumps of false echoes, which neighboring beams share: it takes the nearest echo in
+        each of its cells, four beams wide, and all nine cells have to hold one.
 
         Args:
-            directions: (n, 3), of any length, as `R_view_sensor` turns them.
-            ranges: (n,) [m], less what they may err.
+            directions: (n, 3) in the view's frame, of any length.
+            ranges: (n,) [m], minus their tolerances.
         """
         hidden = np.zeros(len(ranges), bool)
         for image in self.closed:
@@ -189,7 +183,7 @@ class _View:
 
 
 def _view_of(scan: Scan, beams: Beams) -> _View:
-    """The view of a scan that was seen from one viewpoint."""
+    """The view of a scan with a single viewpoint."""
     points = scan.points.astype(np.float64)
     ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
     middle = (points / ranges[:, None]).mean(axis=0)
@@ -217,9 +211,9 @@ def _view_of(scan: Scan, beams: Beams) -> _View:
 
 
 def _nine(near: np.ndarray, pick: np.ufunc, least: int) -> np.ndarray:
-    """(edge, edge) np.minimum or np.maximum of each cell's nine, NaN where fewer than `least` hold an echo.
+    """(edge, edge) minimum or maximum (`pick`) over each cell and the eight around it.
 
-    Nothing is known along the rim, where the map's seams are.
+    NaN where fewer than `least` of them hold an echo, and along the rim, where the map's seams are.
     """
     image = np.full(near.shape, np.nan)
     filled = np.isfinite(near)

@@ -1,4 +1,4 @@
-"""Scans with their poses, and the beams that each of them was seen by: what every map is made of."""
+"""Scans with their poses and their beams, from which every map is made."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from sonarmap.spectral.scan import Scan
 _SAMPLE = 750  # beams of a scan that are compared with their neighbors
 _NEIGHBORS = 11  # of a beam, by direction
 _GROUPS = 8  # of beams by range, each with its own scatter
-# A scan was seen from one viewpoint if this share of the beams agrees with those around them within the sum of both
+# A scan has a single viewpoint if this share of the beams agrees with those around them within the sum of both
 # tolerances. The same as in `spectral.prepare.range_image`.
 _AGREEING_SHARE = 0.8
 _TOLERANCE_VOXELS = 2.0
 _TOLERANCE_SHARE = 0.03  # of the range
 _MAD = 1.4826  # standard deviation of a Gaussian whose median absolute deviation is 1
-_MIN_SCATTER = 0.02  # of a range [voxels]: no fit is better than the surface is flat
+_MIN_SCATTER = 0.02  # of a range [voxels], as no surface is flat
 
 
 @dataclass(frozen=True, slots=True)
 class Beams:
     ranges: np.ndarray  # (K,) float64, ascending [m], at which `sigmas` are given
     sigmas: np.ndarray  # (K,) float64, standard deviations of a range about the surface of its neighbors [m]
-    spacing: float  # usual angle between neighboring beams [rad]
+    spacing: float  # median angle between neighboring beams [rad]
     # whether the points were seen from the origin; false for a map, or a sweep put together from several viewpoints
     single: bool
 
@@ -42,13 +42,13 @@ class Beams:
 
 @dataclass(frozen=True, slots=True)
 class PlacedScans:
-    """S scans where an estimate has them, and the voxel of the map that they are to be fused into."""
+    """S scans with estimated poses, and the voxel of the map to fuse them into."""
 
     scans: tuple[Scan, ...]  # S of them, at least one
     T_world_sensor: RigidTransform  # their S poses
     voxel: float  # edge of the map's voxels [m]
     beams: tuple[Beams, ...]  # S, as measured from the scans
-    indices: tuple[int, ...]  # what to call the scans
+    indices: tuple[int, ...]  # the scans' indices in the survey
     surveys: tuple[int, ...]  # the number of each scan's survey
     covariances: np.ndarray  # (S, 6, 6) of the poses, rotation first [rad, m], body tangent; 0 where they are certain
 
@@ -57,7 +57,7 @@ class PlacedScans:
         per_scan |= {name: getattr(self, name) for name in ("beams", "indices", "surveys", "covariances")}
         for name, values in per_scan.items():
             if not self.scans or len(values) != len(self.scans):
-                raise InputError(f"{len(self.scans)} scans and {len(values)} {name}: wanted scans, and one for each")
+                raise InputError(f"{len(self.scans)} scans and {len(values)} {name}: wanted scans, and one per scan")
         if not (np.isfinite(self.voxel) and self.voxel > 0):
             raise InputError(f"the map's voxel is {self.voxel} m; wanted a positive length")
 
@@ -72,8 +72,8 @@ class PlacedScans:
         surveys: Sequence[int] | None = None,
         executor: Executor | None = None,
     ) -> PlacedScans:
-        """With their beams measured, by workers if there are; by default called 0..S-1, of one survey, and where they
-        are for certain."""
+        """Scans with beams measured by the executor; by default with the indices 0..S-1, of one survey, and with
+        certain poses."""
         beams: dict[range, tuple[Beams, ...]] = dict(
             in_portions(
                 executor or this_process(),
@@ -93,7 +93,7 @@ class PlacedScans:
         )
 
     def take(self, chosen: Sequence[int]) -> PlacedScans:
-        """Those at these places, in their order."""
+        """The scans at these positions, in their order."""
         return replace(
             self,
             scans=tuple(self.scans[k] for k in chosen),
@@ -106,12 +106,12 @@ class PlacedScans:
 
     @property
     def origin(self) -> np.ndarray:
-        """(3,) [m, world], the corner that the map's voxels are counted from, in the midst of the first scan."""
+        """(3,) [m, world], the origin of the map's lattice, near the median of the first scan."""
         return lattice_origin(self.T_world_sensor[0].apply(self.scans[0].points.astype(np.float64)), self.voxel)
 
     @property
     def by_survey(self) -> dict[int, PlacedScans]:
-        """Each survey's scans by its number, ascending; none where there is only one survey."""
+        """Each survey's scans by its number, ascending; empty if there is only one survey."""
         surveys = np.array(self.surveys)
         numbers = np.unique(surveys).tolist()
         return {k: self.take(np.flatnonzero(surveys == k).tolist()) for k in numbers} if len(numbers) > 1 else {}
@@ -122,11 +122,11 @@ def _beams_of_each(points: Sequence[np.ndarray], voxel: float) -> tuple[Beams, .
 
 
 def beams_of(points: np.ndarray, voxel: float) -> Beams:
-    """Measure a scan's beams by a sample of them.
+    """Measure a scan's beams from a sample of them.
 
-    Over a plane the inverse of the range is linear in the beam's direction, so a fit of that to the nearest beams
-    leaves the scatter of the ranges, however steep the plane. Wild echoes are left out of the fits, which use neither
-    the shortest nor the longest of the beams around, and edges and what is wild itself do not move the median.
+    On a plane the inverse range is linear in the beam's direction, so a linear fit to the nearest beams leaves the
+    scatter of the ranges, however steep the plane. Fits use neither the shortest nor the longest neighbor, which may
+    be false echoes; edges and beams that are false echoes themselves do not move the median.
 
     Args:
         points: (N, 3) float [m, sensor frame].
@@ -139,7 +139,7 @@ def beams_of(points: np.ndarray, voxel: float) -> Beams:
         return Beams(np.array([0.0]), np.array([max(floor, voxel / np.sqrt(12))]), 0.0, single=False)
     directions = points / ranges[:, None]
     sample = np.arange(0, len(points), -(-len(points) // _SAMPLE))
-    # one query a tree: what balancing costs it does not save
+    # balancing the tree costs more than it saves in a single query
     tree = KDTree(directions, leafsize=32, compact_nodes=False, balanced_tree=False)
     angles, near = tree.query(directions[sample], _NEIGHBORS)
     around = ranges[near]
@@ -158,12 +158,12 @@ def beams_of(points: np.ndarray, voxel: float) -> Beams:
 
 
 def _residuals(directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """(m,) how far the first of each (m, k) ranges is from the plane fitted to the others, and as much more as the fit
-    itself errs [m]; directions (m, k, 3)."""
+    """(m,) distances of the first of each (m, k) ranges from the plane fitted to the others, scaled down by the error
+    of the fit itself [m]; directions (m, k, 3)."""
     kept = 1 + np.argsort(ranges[:, 1:], axis=1, kind="stable")[:, 1:-1]
     around = np.take_along_axis(directions, kept[:, :, None], axis=1)
     inverse = 1 / np.take_along_axis(ranges, kept, axis=1)
-    # beams of a row lie in a plane with the sensor: the third component is then anything, and no matter
+    # beams of one row lie in a plane with the sensor, which leaves the third component free, but it has no effect
     solver = np.linalg.pinv(np.einsum("mki,mkj->mij", around, around), hermitian=True)
     first = directions[:, 0]
     misfit = 1 / ranges[:, 0] - np.einsum("mi,mij,mkj,mk->m", first, solver, around, inverse, optimize=True)
@@ -172,7 +172,7 @@ def _residuals(directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
 
 
 def pose_variance(points: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(N,) float64 [m^2]: mean square, over the three coordinates, of the error that a pose's error brings to points.
+    """(N,) float64 [m^2]: variance of points by the pose's covariance, the mean over the three coordinates.
 
     With T_true = T Exp((w, v)) a point p moves by R (w x p + v): a third of the trace of that vector's covariance,
     which no rotation R changes.

@@ -1,11 +1,11 @@
 """The points of all scans in one frame, one per voxel, each with its uncertainty.
 
-In a voxel the points of each scan are averaged, and these means by the inverse of their variances. A mean's variance
-is what the scan's pose leaves open there, and the scatter of its ranges over the number of its points. Both are mean
-squares of the three coordinates (a third of the covariance's trace: unlike its largest eigenvalue that adds up
-exactly, whatever the directions). `PointMap.sigma` averages the scatter away but not the poses' part: all points of a
-scan share its pose's error, and neighboring poses share most of theirs, so the poses' standard deviations are
-averaged as they are. Were the poses independent, sigma would be up to sqrt(seen) too large.
+In a voxel the points of each scan are averaged, and these means are weighted by the inverse of their variances. A
+mean's variance is the sum of that by the scan's pose and of the scatter of its ranges over the number of its points.
+Both are means over the three coordinates (a third of the covariance's trace, which unlike its largest eigenvalue adds
+up exactly in all directions). `PointMap.sigma` averages the scatter away but not the poses' part: all points of a scan
+share its pose's error, and neighboring poses share most of theirs, so the poses' standard deviations are averaged
+without reduction. If the poses were independent, sigma would be up to sqrt(seen) too large.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import BITS, cell_keys
 from sonarmap.slam.map.placed import PlacedScans, pose_variance
 
-# Rows of a tile that wait at least before they are merged, so that merging stays cheap.
-MERGE_ROWS = 50_000
-# The bits of a cell's number that tell its tile, of 128 cells along each axis.
+MERGE_ROWS = 50_000  # smallest number of waiting rows of a tile that are merged, so that merging stays cheap
+# The bits of a cell's key that give its tile, of 128 cells along each axis.
 _TILE = ~sum(0x7F << (BITS * axis) for axis in range(3))
-# A map's columns that come of its cells alone.
+# A map's columns that follow from its cells alone.
 _COLUMNS = ("points", "sigma", "strength", "scan", "seen", "count")
 
 
@@ -45,8 +44,8 @@ class PointMap:
         left_out: number of points that lie too far from the others for the map to hold them: stray echoes.
         removed: number of map points that were taken out because free space contradicts them.
         doubted: number of map points that were taken out because too few scans saw them where others looked.
-        looked: (M,) int32, number of scans whose beams went that way, those that saw the point among them; None where
-            that was not asked.
+        looked: (M,) int32, number of scans with dense beams in the point's direction, whether or not they saw it; None
+            if not computed.
     """
 
     points: np.ndarray
@@ -72,7 +71,7 @@ class PointMap:
         )
 
     def take(self, chosen: np.ndarray) -> PointMap:
-        """These points alone, (M,) bool; the map's counts stay."""
+        """The map with only the `chosen` points, (M,) bool; the numbers of removed points stay."""
         names = ("points", "sigma", "strength", "scan", "seen", "count", "survey", "looked")
         columns = {name: getattr(self, name) for name in names}
         return replace(self, **{name: None if column is None else column[chosen] for name, column in columns.items()})
@@ -96,7 +95,7 @@ def fuse(placed: PlacedScans) -> PointMap:
     points, sigma, strength, scan, seen, count = (columns.pop(name)[order] for name in _COLUMNS)
     points += origin
     survey_of = dict(zip(placed.indices, placed.surveys, strict=True))
-    called, which = np.unique(scan, return_inverse=True)
+    indices, inverse = np.unique(scan, return_inverse=True)
     return PointMap(
         points=points,
         sigma=sigma,
@@ -104,7 +103,7 @@ def fuse(placed: PlacedScans) -> PointMap:
         scan=scan,
         seen=seen,
         count=count,
-        survey=np.array([survey_of[index] for index in called.tolist()], np.int32)[which],
+        survey=np.array([survey_of[index] for index in indices.tolist()], np.int32)[inverse],
         voxel=voxel,
         left_out=sum(len(each.points) for each in placed.scans) - int(count.sum()),
     )
@@ -117,8 +116,8 @@ class _Cells:
     key: np.ndarray  # (K,) int64, the cell
     weight: np.ndarray  # (K,) float64 [1/m^2], sum over scans of the inverse variance of their mean
     total: np.ndarray  # (K, 3) float64 [1/m], sum of weight times mean, from the lattice's origin
-    scatter: np.ndarray  # (K,) float64 [1/m^2], sum of weight^2 times the variance that is the mean's own
-    drift: np.ndarray  # (K,) float64 [1/m], sum of weight times the standard deviation that the pose brings
+    scatter: np.ndarray  # (K,) float64 [1/m^2], sum of weight^2 times the mean's variance by the scatter of its ranges
+    drift: np.ndarray  # (K,) float64 [1/m], sum of weight times the mean's standard deviation by its pose
     # count, echoes: (K,) int32, number of points, and of points with an echo strength
     count: np.ndarray
     echo: np.ndarray  # (K,) float64, sum of the strengths
@@ -131,7 +130,7 @@ class _Cells:
         return _Cells(**{field.name: getattr(self, field.name)[chosen] for field in fields(_Cells)})
 
     def columns(self) -> dict[str, np.ndarray]:
-        """A map's columns, with the cells' keys; points from the lattice's origin, strength NaN where there is none."""
+        """A map's columns and the cells' keys; points from the lattice's origin, strength NaN where there is none."""
         with np.errstate(invalid="ignore"):  # 0 / 0: a cell without any echo strength
             strength = (self.echo / self.echoes).astype(np.float32)
         sigma = (np.sqrt(self.scatter + self.drift**2) / self.weight).astype(np.float32)
@@ -140,7 +139,7 @@ class _Cells:
 
 
 class _FusedCells:
-    """Cells of all scans so far, by tiles, which are small enough to be merged in little memory."""
+    """Cells of all added scans by tiles, which are small enough to be merged in little memory."""
 
     def __init__(self) -> None:
         self._merged: dict[int, _Cells] = {}
@@ -161,7 +160,7 @@ class _FusedCells:
                 self._merge(number)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The columns of a map, with the cells' keys, in no order; nothing is left."""
+        """The columns of a map and the cells' keys, unordered; empties this object."""
         parts: dict[str, list[np.ndarray]] = defaultdict(list)
         for number in sorted(self._waiting):
             self._merge(number)
@@ -186,14 +185,14 @@ def _thinned(placed: PlacedScans, k: int, origin: np.ndarray) -> _Cells:
     local, size, count = local[near], len(key), count.astype(np.int32)
     mean = np.stack([np.bincount(cell, local[:, axis], size) for axis in range(3)], axis=1) / count[:, None]
     by_pose = pose_variance(mean, placed.covariances[k])
-    # along the beam: one coordinate of three
-    own = placed.beams[k].sigma(np.linalg.norm(mean, axis=1)) ** 2 / (3 * count)
-    weight = 1 / (by_pose + own)
+    # the scatter is along the beam: its mean over the three coordinates is a third
+    by_scatter = placed.beams[k].sigma(np.linalg.norm(mean, axis=1)) ** 2 / (3 * count)
+    weight = 1 / (by_pose + by_scatter)
     return _Cells(
         key=key,
         weight=weight,
         total=weight[:, None] * (T.apply(mean) - origin),
-        scatter=weight**2 * own,
+        scatter=weight**2 * by_scatter,
         drift=weight * np.sqrt(by_pose),
         count=count,
         echo=np.zeros(size) if scan.strength is None else np.bincount(cell, scan.strength[near], size),
@@ -205,7 +204,7 @@ def _thinned(placed: PlacedScans, k: int, origin: np.ndarray) -> _Cells:
 
 
 def _merge(tables: list[_Cells]) -> _Cells:
-    """Rows of the same cell become one."""
+    """Merge the rows of each cell into one."""
     rows = {field.name: np.concatenate([getattr(t, field.name) for t in tables]) for field in fields(_Cells)}
     order = np.lexsort((rows["scan"], -rows["most"], rows["key"]))
     rows = {name: column[order] for name, column in rows.items()}

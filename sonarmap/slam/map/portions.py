@@ -1,5 +1,5 @@
-"""A map's scans in portions of neighbors, which this process or workers take one after the other, with the same result:
-what a portion needs travels with it, and no more of it is in memory than is worked at."""
+"""Work on a map's scans in portions of neighbors, by this process or by workers, with the same result. Each portion
+carries what it needs, and only the portions in work are in memory."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
@@ -18,11 +18,11 @@ _MOST_SCANS = 64  # of a portion
 def in_portions(
     executor: Executor, scans: Sequence[Scan], task: Callable[..., _Result], needs: Callable[[range], tuple[Any, ...]]
 ) -> Iterator[tuple[range, _Result]]:
-    """The result of a task for every portion, and the places of its scans, in the order in which they are done.
+    """The positions of every portion's scans and the result of a task for it, in the order in which they are done.
 
     Args:
         executor: runs the task, which is pickled where workers are processes.
-        task: takes what `needs` gives for the places of a portion, called when it is begun.
+        task: takes the arguments that `needs` returns for a portion's positions when the portion is begun.
     """
     portions = _portions([len(scan.points) for scan in scans])
     # a portion is a job, and a piece of work
@@ -32,7 +32,7 @@ def in_portions(
 
 
 def _portions(sizes: Sequence[int]) -> list[range]:
-    """The places of scans of so many points, cut into portions."""
+    """The positions of scans with these numbers of points, cut into portions."""
     portions: list[range] = []
     start, points = 0, 0
     for place, size in enumerate(sizes):
@@ -44,6 +44,6 @@ def _portions(sizes: Sequence[int]) -> list[range]:
 
 
 def _of_piece(_: Sequence[range], task: Callable[..., _Result], needs: tuple[Any, ...]) -> list[_Result]:
-    # how BLAS sums depends on the number of its threads
+    # the rounding of BLAS depends on the number of its threads
     with threadpool_limits(1, "blas"):
         return [task(*needs)]

@@ -1,7 +1,7 @@
-"""Which points of a map are part of a surface, and which are stray echoes, for what is made of surfaces.
+"""Separation of a map's surface points from stray echoes, by density as in DBSCAN.
 
-By density, as DBSCAN does it (Ester, Kriegel, Sander and Xu, KDD 1996): points with enough neighbors that hang together
-are a surface, and so is what is beside them. An echo at a random range has few neighbors, or a clump of such has.
+Connected points with enough neighbors each are a surface, and so are the points linked to them (Ester, Kriegel, Sander
+and Xu, KDD 1996). Echoes at random ranges have few neighbors or form small clumps.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
 
 
 def surface_reach(points: np.ndarray, voxel: float) -> float:
-    """How far neighbors on a surface are apart at most [m], of points (M, 3) [m] on it."""
+    """Largest distance [m] between neighbors on a surface, from points (M, 3) [m] on it."""
     if len(points) <= _NEIGHBORS:
         return _RADIUS_VOXELS * voxel
     return _reach(np.asarray(KDTree(points).query(points, _NEIGHBORS + 1)[0])[:, -1], voxel)
