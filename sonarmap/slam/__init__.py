@@ -1,9 +1,8 @@
-"""From scans to a map: pairs to register, which of them to believe, where the poses are, and the map.
+"""From scans to a map: the search for pairs, outlier rejection, pose graphs, and fusion.
 
 In: scans (`spectral.scan.Scan`) and a method of registration. Out: a `SurveyResult` with poses, their covariances, the
-pose graph, every pair with its verdict, and the fused maps. `mapper.py` has the steps in order; `pair.py` is two
-scans from the candidate to the verdict. No file is read or written here but the journal, and
-scans on their way to other processes.
+pose graph, every pair with its verdict, and the fused maps. `mapper.py` has the steps in order; `pair.py` has the
+stages of a pair from candidate to verdict. The only files here are the journal and scans for other processes.
 """
 
 import lazy_loader

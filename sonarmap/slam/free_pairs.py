@@ -1,4 +1,4 @@
-"""Some pairs of a survey registered without priors, and what they show of the instruments that will bound others."""
+"""Some pairs of a survey registered without priors, as a test of the priors that will bound other pairs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,16 +14,16 @@ from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.scan import PosePrior, Scan
 
 _EVEN_PAIRS = 8  # spread evenly over the survey
-_TURNING_PAIRS = 8  # between which it turns most
-LEAST_PAIRS = 6  # from which a scale of errors is estimated
-# By kind, the numbers of a prior that tell it, and which of six differences of a pair it is then: the last of these.
+_TURNING_PAIRS = 8  # between which the vehicle turns most
+LEAST_PAIRS = 6  # smallest number of pairs from which a scale of errors is estimated
+# By kind: the numbers of a prior to use, and those of the pair's six differences to test, which are the last residuals.
 _KINDS = {"attitude": ([0, 1], [0, 1]), "heading": ([0, 1, 2], [2]), "depth": ([0, 1, 5], [5])}
 _UNDERESTIMATED = 2.0  # ratio of errors to stated sigmas from which these are scaled
 
 
 def register_freely(runner: PairRunner, scans: Sequence[Scan], surveys: np.ndarray) -> list[RegisteredPair]:
-    """Some consecutive scans of a survey that both have priors, evenly spread and where these turn most, registered
-    without any; none where there are few. `surveys` are (N,), each scan's number of its survey."""
+    """Consecutive pairs with priors, evenly spread and where the vehicle turns most, registered without the priors;
+    none if there are fewer than `LEAST_PAIRS`. `surveys` are the (N,) numbers of the scans' surveys."""
     pairs = _chosen(scans, surveys)
     if len(pairs) < LEAST_PAIRS:
         return []
@@ -50,24 +50,24 @@ def _chosen(scans: Sequence[Scan], surveys: np.ndarray) -> list[tuple[int, int]]
 
 
 def errors_shown(pairs: Sequence[RegisteredPair], priors: Mapping[int, PosePrior]) -> dict[str, float]:
-    """By kind, how many times larger than stated the errors of attitudes, headings and depths are, where clearly so.
+    """Ratios of actual to stated errors of attitudes, headings and depths, by kind, where clearly above 1.
 
-    Half of the pairs differ from what was measured by more than half of right ones do.
+    They compare the median squared difference between registrations and priors with that of chi-squared.
     """
-    shown: dict[str, float] = {}
+    ratios: dict[str, float] = {}
     for kind, (measured, numbers) in _KINDS.items():
-        squared = [far for pair in pairs if (far := _far(pair, priors, measured, numbers)) is not None]
-        usual = chi_squared(0.5, len(numbers))
-        factor = float(np.sqrt(np.median(squared) / usual)) if len(squared) >= LEAST_PAIRS else 1.0
-        if factor >= _UNDERESTIMATED:
-            shown[kind] = factor
-    return shown
+        squared = [d for pair in pairs if (d := _squared_distance(pair, priors, measured, numbers)) is not None]
+        expected = chi_squared(0.5, len(numbers))
+        ratio = float(np.sqrt(np.median(squared) / expected)) if len(squared) >= LEAST_PAIRS else 1.0
+        if ratio >= _UNDERESTIMATED:
+            ratios[kind] = ratio
+    return ratios
 
 
-def _far(
+def _squared_distance(
     pair: RegisteredPair, priors: Mapping[int, PosePrior], measured: list[int], numbers: list[int]
 ) -> float | None:
-    """Chi-squared of the last of a registration's numbers beside what was measured of both scans; None without."""
+    """Chi-squared of a registration against both scans' priors in these numbers; None without either."""
     registration = pair.registration
     if registration is None or not all(np.isfinite(priors[k].sigmas[measured]).all() for k in pair.scans):
         return None

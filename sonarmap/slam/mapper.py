@@ -1,4 +1,4 @@
-"""The mapper: scans in, one consistent map out, on one screen."""
+"""The mapper: scans in, one consistent map out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -36,7 +36,7 @@ from sonarmap.spectral.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class MapperSettings:
-    """How a survey is put together.
+    """Settings of the mapper.
 
     Attributes:
         loops: which extra pairs are tried and kept.
@@ -48,7 +48,7 @@ class MapperSettings:
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
         min_seen: points that fewer scans saw are left out of the map where others contradict them, see
             `slam.map.component_maps`; 1 leaves out none.
-        straighten: whether scans whose points have times are straightened, if they fit together better so.
+        straighten: whether to correct scans whose points have times for the sensor's motion, if they then fit better.
     """
 
     loops: LoopSettings = field(default_factory=LoopSettings)
@@ -71,16 +71,16 @@ class MapperSettings:
             raise InputError(f"`min_seen={self.min_seen}`: wanted at least 1, which leaves no point out")
 
 
-_STRAIGHTENINGS = 2  # of the scans, at most
-_STRAIGHT = 0.1  # a smaller motion of all points ends them [voxels]
+_MAX_STRAIGHTENINGS = 2  # rounds of straightening
+_MIN_SHIFT = 0.1  # of a point in a round [voxels]; a round without a larger one is the last
 
 
 @dataclass(slots=True)
 class _Rounds:
-    """The progress of maps that are made one after another, as one."""
+    """The common progress of maps that are made one after another."""
 
     report: Progress
-    before: int = 0  # steps that were done when this map began
+    before: int = 0  # steps that were done before this map
     done: int = 0
 
     def __call__(self, done: int, planned: int, text: str) -> None:
@@ -98,7 +98,7 @@ class Mapper:
         registrar: any method of registration.
         voxel: edge of the survey's voxels [m].
         settings: everything else.
-        execution: who registers pairs, with the same registrar, and the journal; None for this process without one.
+        execution: how pairs are registered, by the same registrar, and the journal; None: in this process, without one.
     """
 
     def __init__(
@@ -128,8 +128,8 @@ class Mapper:
     ) -> SurveyResult:
         """Map a survey, or several of one place.
 
-        A pair that fails leaves a gap and the chain goes on behind it: a component of its own, unless other pairs
-        join both sides. Scans whose points have times are straightened by the map, and mapped again.
+        A pair that fails leaves a gap; the scans behind it are a component of their own, unless other pairs join both
+        sides. Scans whose points have times are corrected for the sensor's motion, and mapped again.
 
         Args:
             scans: at least two, in the order in which they were taken, survey after survey.
@@ -137,16 +137,16 @@ class Mapper:
                 candidates for bridges and loops are found.
             surveys: the number of each scan's survey, ascending; by default all are of one.
             odometry: dead reckoning of these scans.
-            ties: what a person says of pairs, at most one of each. Pairs are searched for as without ties, so that only
-                those that a person added are registered beside.
-            control: points of scans with known coordinates, which are used when no more pairs are searched for.
-            vet: called with some pairs that are registered without the scans' priors before these bound any; it may
-                raise, which ends the run.
+            ties: a person's verdicts on pairs, at most one of each. They do not change the search; pairs that a
+                person added are registered too.
+            control: points of scans with known coordinates, which take part only after the search for pairs.
+            vet: called with some pairs that are registered without priors, before priors bound any pair; it may raise
+                to end the run.
             turn_rates: of the sensor, by the clock of the stamps; they help to straighten scans.
 
         Raises:
-            InputError: fewer than two scans, not one pair that could be tried, or ties or control points of scans that
-                are not there, or ties of those between a dense stream's key scans.
+            InputError: fewer than two scans, no pair that could be registered, ties or control points of missing scans,
+                or ties of scans between the key scans of a dense stream.
         """
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
@@ -166,11 +166,11 @@ class Mapper:
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
         odometry: Odometry | None = None,
     ) -> Decision:
-        """About scans, at least two, as a map that grows needs it; `surveys` and `odometry` are as of `run`, `known`
-        pairs have been registered, `settled` and `looked` are as of `PairSearch`.
+        """The decision about at least two scans, for a growing map; `surveys` and `odometry` are as of `run`, `known`
+        pairs are already registered, `settled` and `looked` are as of `PairSearch`.
 
         Raises:
-            InputError: not one pair that could be tried.
+            InputError: no pair could be registered.
         """
         measurements = Measurements(tuple(scans), surveys, odometry)
         runner = PairRunner(self.execution, measurements.searched(), 0, None)
@@ -183,15 +183,15 @@ class Mapper:
         progress: "_Rounds | None",
         turn_rates: TurnRates | None,
     ) -> SurveyResult:
-        """The map of the scans without what the sensor's motion did to them, if they fit together better so; else the
-        one that is given."""
+        """The map of the scans corrected for the sensor's motion, if they then fit together better; else the map that
+        is given."""
         straight = Straightened.none(measurements.scans)
         have_times = any(scan.times is not None for scan in measurements.scans)
-        for _ in range(_STRAIGHTENINGS if self.settings.straighten and have_times else 0):
+        for _ in range(_MAX_STRAIGHTENINGS if self.settings.straighten and have_times else 0):
             runs = ways(result.components, result.surveys, result.trajectory.stamps)
             taken, bent, before = measurements.scans, result.straightened is None, straight
             straight = straightened(taken, result.trajectory, runs, self.voxel / 2, bent, turn_rates)
-            if straight.farthest_from(before) < _STRAIGHT * self.voxel:
+            if straight.farthest_from(before) < _MIN_SHIFT * self.voxel:
                 break
             if progress is not None:
                 progress.begin_again()
@@ -239,7 +239,7 @@ class Mapper:
         progress: Progress | None,
         vet: Callable[[Sequence[RegisteredPair]], None] | None,
     ) -> tuple[PairRunner, tuple[Scan, ...]]:
-        """Who registers the scans, and these, bounded no more than some pairs that are registered freely allow."""
+        """The runner of the pairs and its scans, with priors no tighter than some freely registered pairs support."""
         searched = measurements.searched()
         runner = PairRunner(self.execution, searched, 2, progress)
         free = register_freely(runner, measurements.scans, measurements.runs)
@@ -258,12 +258,12 @@ class Mapper:
         known: Sequence[RegisteredPair],
         odd: Sequence[OddScan],
     ) -> Decision:
-        """About the key scans, or those that are not odd, and by them about all."""
+        """The decision about the key scans without faulty ones, extended to all scans."""
         number, outside = {k: n for n, k in enumerate(keys)}, {each.scan for each in odd}
         of_keys = measurements.take(keys)
-        own = [pair.renumbered(number) for pair in known if outside.isdisjoint(pair.scans)]
-        decision = self._decided(runner.of(keys), of_keys, own)
-        if odd:  # what was measured of them places no points that do not fit
+        key_pairs = [pair.renumbered(number) for pair in known if outside.isdisjoint(pair.scans)]
+        decision = self._decided(runner.of(keys), of_keys, key_pairs)
+        if odd:  # the priors of faulty scans must not place them in the map
             scans = [replace(scan, prior=None) if k in outside else scan for k, scan in enumerate(measurements.scans)]
             measurements = replace(measurements, scans=tuple(scans))
         return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, runner, outside)
@@ -276,9 +276,9 @@ class Mapper:
         settled: int = 0,
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
     ) -> Decision:
-        """About all that can be registered of some scans; `known` pairs have been.
+        """The decision about all pairs of some scans that can be registered; `known` ones already are.
 
-        The search knows neither ties nor control points, so that it registers the same pairs whatever these say.
+        The search ignores ties and control points, so that it registers the same pairs with and without them.
         """
         settings = self.settings.loops
         limits = self.settings.limits
@@ -344,9 +344,9 @@ class Mapper:
 
 
 def _require_scans(count: int, ties: Sequence[Tie], control: Sequence[ControlPoint]) -> None:
-    """Refuse what is said of scans that are not there, and two verdicts on a pair."""
+    """Refuse ties and control points of missing scans, and two ties of a pair."""
     named = [*(tie.j for tie in ties), *(point.scan for point in control)]
     if named and not (max(named) < count and min(named) >= 0):
-        raise InputError(f"a tie or control point is of scan {max(named)}; there are {count}, counted from 0")
+        raise InputError(f"a tie or control point names scan {max(named)}; there are {count}, counted from 0")
     if len({tie.scans for tie in ties}) < len(ties):
-        raise InputError("two ties are of the same scans; leave one out")
+        raise InputError("two ties name the same scans; leave one out")

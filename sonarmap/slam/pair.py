@@ -11,7 +11,7 @@ from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 
 Role = Literal["sequential", "bridge", "loop"]
-# How the failure begins of a pair that says nothing of its scans.
+# Prefix of the failure of a pair that is not the fault of its scans.
 DEFECT = "an error of the method, not of the scans: "
 
 
@@ -23,29 +23,27 @@ class Candidate:
     role: Role  # "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others)
     predicted_overlap: float = float("nan")  # expected before it is registered, 0..1; NaN where no estimate exists
     alike: float = float("nan")  # distance of the scans' signatures, without a unit; NaN where these were not compared
-    # where the motion expects it, which bounds its registration; None where nothing does
-    expected: ExpectedPose | None = None
+    expected: ExpectedPose | None = None  # by the motion, as a bound on the registration; None without
 
     @property
     def scans(self) -> tuple[int, int]:
         return self.i, self.j
 
     def renumbered(self, number: Mapping[int, int]) -> Self:
-        """The same with other numbers for its scans."""
+        """The pair with other numbers for its scans."""
         return replace(self, i=number[self.i], j=number[self.j])
 
     def registered(self, registration: Registration | None = None, failure: str = "") -> "RegisteredPair":
-        """With what came of its registration, in place of what came of an earlier one."""
-        said = {name: getattr(self, name) for name in Candidate.__slots__}
-        return RegisteredPair(**said, registration=registration, failure=failure)
+        """The pair with a registration or a failure, in place of any earlier ones."""
+        candidate = {name: getattr(self, name) for name in Candidate.__slots__}
+        return RegisteredPair(**candidate, registration=registration, failure=failure)
 
 
 @dataclass(frozen=True, slots=True)
 class RegisteredPair(Candidate):
     registration: Registration | None = None  # the result; None where the pair could not be registered
     failure: str = ""  # why it could not
-    # of a step that the scans hardly show, where the usual motion has it, as wide as that may be
-    guess: Registration | None = None
+    guess: Registration | None = None  # pose by the usual motion, for consecutive scans that hardly constrain it
 
     @property
     def accepted(self) -> bool:
@@ -53,12 +51,12 @@ class RegisteredPair(Candidate):
 
     @property
     def placed(self) -> bool:
-        """Whether the registration has found the place, though it may leave a direction open there."""
+        """Whether the place of the registration is probable enough, though a direction may be unconstrained."""
         return self.registration is not None and self.registration.placed
 
     @property
     def is_defect(self) -> bool:
-        """Whether it failed though both scans could be prepared: scans that do not fit are refused."""
+        """Whether it failed by an error of the method, though both scans could be prepared."""
         return self.failure.startswith(DEFECT)
 
 
@@ -72,17 +70,16 @@ class Pair(RegisteredPair):
         predicted_overlap: expected before it was registered, 0..1; NaN where no estimate existed.
         alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
         expected, registration, failure, guess: as of a `Candidate` and a `RegisteredPair`.
-        edge: what it contributes to the graph, of the registration or of one of its alternatives; None where it was
-            not kept.
+        edge: its edge in the graph, from the registration or one of its alternatives; None if it was not kept.
         reason: in words, why it was kept or not.
-        agreeing: how many other pairs close a cycle with it, and agree.
+        agreeing: number of other pairs that close a consistent cycle with it.
         sigmas_from_estimate: its distance from the chain, before loops [sigmas]; NaN where it has none.
-        residual: its distance from the final poses [sigmas]: of a kept pair under its own covariance, of another also
-            under the poses'; NaN where it has none.
-        by_hand: what a person said of it (`slam.tie`), over what the others say; "" where nobody did.
+        residual: its distance from the final poses [sigmas], under the covariance of a kept pair, or under the sum of
+            the pair's and the poses' covariances of any other; NaN where it has none.
+        by_hand: a person's verdict (`slam.tie`), which overrides the survey's; "" for none.
         note: why, in the person's words.
-        contradicted: of a pair that is kept by hand, the chi-squared of six numbers, without a unit, that the rest of
-            the survey puts against it (`slam.decide.hand`); NaN of any other.
+        contradicted: of a pair kept by hand, chi-squared of six numbers by which the rest of the survey contradicts it,
+            without a unit (`slam.decide.hand`); NaN of any other.
     """
 
     edge: Edge | None = None
@@ -100,7 +97,7 @@ class Pair(RegisteredPair):
 
 
 def require_any_registered(pairs: Sequence[RegisteredPair]) -> None:
-    """Refuse a survey of which every pair failed: then the set-up is wrong, or all scans but one."""
+    """Raise InputError if every pair failed: then the set-up is wrong, or all scans but one."""
     if pairs and all(pair.registration is None for pair in pairs):
         raise InputError(
             f"none of the {len(pairs)} pairs that were tried could be registered; the first failed: {pairs[0].failure}"

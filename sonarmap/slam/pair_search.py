@@ -1,4 +1,4 @@
-"""Which pairs of a survey are registered, stage by stage, and how often: steps, bridges over gaps, loops."""
+"""The search for pairs to register, stage by stage: consecutive scans, bridges over gaps, loops, and retries."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,12 +28,11 @@ from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registrar
 
-# All is decided anew after a round: of a large survey that is not worth a few loops that are left [of a scan].
-_WORTH_A_ROUND = 0.01
+_WORTH_A_ROUND = 0.01  # least number of uncertain candidates per scan that justifies another round of inference
 
 
 def register_steps(runner: PairRunner, runs: np.ndarray, known: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-    """Consecutive scans of each run, of which (N,) numbers are given, by the scans alone; `known` have been."""
+    """Consecutive scans registered by the scans alone; `runs` are the (N,) scans' runs, `known` pairs are reused."""
     by_scans = {pair.scans: pair for pair in known}
     steps = [Candidate(k, k + 1, "sequential") for k in range(len(runs) - 1) if runs[k] == runs[k + 1]]
     by_scans |= {pair.scans: pair for pair in runner.register([step for step in steps if step.scans not in by_scans])}
@@ -42,7 +41,7 @@ def register_steps(runner: PairRunner, runs: np.ndarray, known: Sequence[Registe
 
 @dataclass(frozen=True, slots=True)
 class _LeftOut:
-    """Pairs (i, j) that are no candidates: those that were tried, and those of settled scans, the first ones."""
+    """Pairs (i, j) that are no candidates: those that were tried, and those of the first `settled` scans."""
 
     tried: frozenset[tuple[int, int]]
     settled: int
@@ -54,16 +53,16 @@ class _LeftOut:
 class PairSearch:
     """Registers the pairs of one survey, or of several of one place.
 
-    Every pair is registered by the scans alone first. What they cannot tell, or what the vehicle's motion contradicts,
-    is registered once more about where the motion, or the estimate, expects it: among places that look alike this
-    finds the one where the vehicle can be.
+    Every pair is registered by the scans alone first. A pair that is doubtful, or that the vehicle's motion
+    contradicts, is registered again about the pose that the motion or the estimate expects: among places of similar
+    shape this finds the one where the vehicle can be.
 
     Args:
-        measurements: with the scans; dead reckoning then says where a scan is expected.
-        registrar: the method; only one with `register_expected` takes a second look.
-        settled: of so many scans, the first ones, it is known how they lie to each other: no loops among them.
-        looked: second looks of earlier searches, by their scans, which are not repeated; this one's are added. None:
-            each look is about where the pair is expected now.
+        measurements: with the scans; if there is dead reckoning, it gives the expected poses.
+        registrar: the method; retries need its `register_expected`.
+        settled: number of first scans whose relative poses are known; no loops are sought among them.
+        looked: retries of earlier searches, by their scans, which are not repeated; this search adds its own. None:
+            every retry is about the pose that is expected now.
     """
 
     def __init__(
@@ -80,7 +79,7 @@ class PairSearch:
         self._looked = looked
         self._settled = settled
         self._runner, self._registrar = runner, registrar
-        self.measurements = measurements  # with the drift that steps show
+        self.measurements = measurements  # after `steps`, with the odometry's drift estimated from these
         self._voxel, self._settings, self._limits = voxel, loops, limits
         self._floor = loops.floor(voxel)
         self._motion: AnyMotion | None = None
@@ -88,7 +87,7 @@ class PairSearch:
         self._outlines: list[np.ndarray] = []
 
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
-        """Consecutive scans of each survey, from which the motion is learned; `known` have been registered already."""
+        """Consecutive scans of each survey, from which the motion is learned; `known` pairs are reused."""
         survey = self.measurements.surveys
         pairs = register_steps(self._runner, self.measurements.runs, known)
         if (odometry := self.measurements.odometry) is not None:
@@ -98,14 +97,13 @@ class PairSearch:
         self._motion = motion if odometry is None else MeasuredMotion(odometry, motion, self._floor)
         if any(prior.knows_position for prior in self.measurements.priors.values()):
             self._placed = decide(pairs, self.measurements.by_instruments, self._voxel, self._settings).solution
-        pairs = self._looked_at_again(pairs)
+        pairs = self._retried(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
         return believing_steps(self._with_motion(pairs), self._motion)
 
     def bridges(self, steps: Sequence[RegisteredPair], widest: int) -> list[RegisteredPair]:
-        """Pairs over what gaps separate, the closest scans first, at most `widest` apart, and no farther ones once a
-        gap is bridged."""
+        """Pairs across gaps, the closest scans first and at most `widest` apart; none farther once a gap is bridged."""
         surveys = self.measurements.surveys
         joined = DisjointSet(range(len(surveys)))
         for pair in steps:
@@ -116,16 +114,16 @@ class PairSearch:
         for span in range(2, widest + 1):
             across = dict.fromkeys(scans for gap in gaps for scans in _across(gap, span, surveys))
             candidates = [Candidate(*scans, "bridge") for scans in across if not joined.connected(*scans)]
-            for pair in self._with_motion(self._looked_at_again(self._runner.register(candidates))):
+            for pair in self._with_motion(self._retried(self._runner.register(candidates))):
                 bridges.append(pair)
                 if pair.accepted:
                     joined.merge(*pair.scans)
         return bridges
 
     def loops(self, decision: Decision, tried: Sequence[RegisteredPair], unsure: bool = False) -> list[RegisteredPair]:
-        """The next loops, as was decided about those `tried` so far; none where no candidates are left.
+        """The next loops after a decision about the pairs `tried` so far; none if no candidates are left.
 
-        `unsure`: only of scans whose lie to each other the estimate has no better than registrations do.
+        `unsure`: only of scans whose relative pose is no more certain in the estimate than in a registration.
         """
         left_out = _LeftOut(frozenset(pair.scans for pair in tried), self._settled)
         candidates = self._candidates(decision, left_out, unsure)
@@ -141,24 +139,24 @@ class PairSearch:
         return self._about_estimate(pairs, decision.solution)
 
     def tied(self, tried: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-        """The pairs and those that a person added; what the person measured in place of a registration.
+        """The pairs and those that a person added, with a person's transforms in place of registrations.
 
-        Nothing else is registered: what a person says of pairs changes what is believed, not what is searched for.
+        Only pairs that a person added are registered: ties change the inference, not the search.
         """
         known = {pair.scans for pair in tried}
         ties = self.measurements.ties
         new = [tie for tie in ties.values() if tie.verdict == "add" and tie.scans not in known]
-        asked = [Candidate(*tie.scans, "loop") for tie in new if tie.given is None]
+        candidates = [Candidate(*tie.scans, "loop") for tie in new if tie.given is None]
         given = [RegisteredPair(*tie.scans, "loop") for tie in new if tie.given is not None]
-        added = {pair.scans: pair for pair in (*self._runner.register(asked), *given)}
+        added = {pair.scans: pair for pair in (*self._runner.register(candidates), *given)}
         pairs = [*tried, *(added[tie.scans] for tie in new)]
         return [
             replace(pair, registration=tie.given, failure="") if (tie := ties.get(pair.scans)) and tie.given else pair
             for pair in pairs
         ]
 
-    def _looked_at_again(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-        """The pairs, those that are doubtful registered again about where fixes, or else the motion, expect them."""
+    def _retried(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
+        """The pairs, doubtful ones registered again about the pose that fixes, or else the motion, expect."""
         motion = self._motion
         if not hasattr(self._registrar, "register_expected"):
             return list(pairs)
@@ -166,36 +164,36 @@ class PairSearch:
         if motion is None:
             return pairs
         doubtful = [pair for pair in pairs if pair.expected is None and is_doubtful(pair, motion)]
-        return self._again(pairs, doubtful, [motion.expected(*pair.scans) for pair in doubtful], motion)
+        return self._retried_at(pairs, doubtful, [motion.expected(*pair.scans) for pair in doubtful], motion)
 
     def _about_estimate(self, pairs: Sequence[RegisteredPair], solution: Solution) -> list[RegisteredPair]:
-        """The pairs, those that are not believed, or that the estimate has left out, registered again about it."""
+        """The pairs, those not accepted, or consecutive but not in the graph, registered again about the estimate."""
         part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
         kept = {(edge.i, edge.j) for edge in solution.graph.edges}
-        sure = [pair.accepted and (pair.role != "sequential" or pair.scans in kept) for pair in pairs]
+        trusted = [pair.accepted and (pair.role != "sequential" or pair.scans in kept) for pair in pairs]
         doubtful = [
             pair
-            for pair, believed in zip(pairs, sure, strict=True)
-            if not believed and pair.registration and part[pair.i] == part[pair.j]
+            for pair, is_trusted in zip(pairs, trusted, strict=True)
+            if not is_trusted and pair.registration and part[pair.i] == part[pair.j]
         ]
-        return self._again(pairs, doubtful, expected_by(solution, doubtful, self._floor))
+        return self._retried_at(pairs, doubtful, expected_by(solution, doubtful, self._floor))
 
-    def _again(
+    def _retried_at(
         self,
         pairs: Sequence[RegisteredPair],
         doubtful: Sequence[RegisteredPair],
         expected: Sequence[ExpectedPose],
         motion: AnyMotion | None = None,
     ) -> list[RegisteredPair]:
-        """The pairs, doubtful ones with what is found about where they are expected, by a motion if one is given."""
-        looks = [replace(pair, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
-        again = {} if self._looked is None else self._looked
-        again |= {pair.scans: pair for pair in self._runner.register([p for p in looks if p.scans not in again])}
-        asked = {pair.scans for pair in looks}
-        return [with_both(pair, again[pair.scans], motion) if pair.scans in asked else pair for pair in pairs]
+        """The pairs, doubtful ones combined with their registrations about expected poses (`with_both`)."""
+        retries = [replace(pair, expected=pose) for pair, pose in zip(doubtful, expected, strict=True)]
+        done = {} if self._looked is None else self._looked
+        done |= {pair.scans: pair for pair in self._runner.register([p for p in retries if p.scans not in done])}
+        retried = {pair.scans for pair in retries}
+        return [with_both(pair, done[pair.scans], motion) if pair.scans in retried else pair for pair in pairs]
 
     def _with_motion(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-        """The pairs with what the learned motion says of them; dead reckoning is in the graph itself."""
+        """The pairs combined with the learned motion, but not with dead reckoning, which is in the graph itself."""
         motion = self._motion
         if motion is None:
             return list(pairs)
@@ -212,7 +210,7 @@ class PairSearch:
         solution = decision.solution
         candidates = find_candidates(self._outlines, solution, self._voxel, self._settings, left_out, unsure)
         components = solution.graph.components
-        # between parts no estimate says which scans may overlap; their looks may
+        # between components there is no estimate of the overlap, but signatures can be compared
         if len(components) > 1 and hasattr(self._registrar, "signature"):
             candidates += find_lookalikes(self._runner.signatures(), components, self._settings, left_out)
         return sorted(candidates, key=lambda candidate: candidate.scans)

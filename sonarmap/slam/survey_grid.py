@@ -8,8 +8,8 @@ import numpy as np
 from sonarmap.spectral.grid import Grid, scan_extent, voxel_for
 from sonarmap.spectral.scan import Scan
 
-_SIZES = 8  # of voxels, from one to twice as large
-# Among enough scans, a few that are much larger than the usual are stray echoes, and do not count.
+_SIZES = 8  # voxel sizes per factor of two
+# Among enough scans, the few that are much larger than usual contain stray echoes and are ignored.
 _ENOUGH_SCANS = 10
 _USUAL_QUANTILE = 0.9
 _STRAY_RATIO = 1.5
@@ -27,9 +27,9 @@ def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
 
 def grid_of_extents(extents: Iterable[float], edge: int = 128) -> Grid:
-    """The grid for scans of these extents [m], as `scan_extent` has them."""
+    """The grid for scans of these extents [m], which `scan_extent` measures."""
     sizes = [voxel_for(extent, edge) for extent in extents if extent > 0]  # 0: all points are in one place
-    largest = max(sizes, default=0.0) or voxel_for(0.0, edge)  # which says why there is none
+    largest = max(sizes, default=0.0) or voxel_for(0.0, edge)  # which raises and says why
     if len(sizes) >= _ENOUGH_SCANS:
         usual = float(np.quantile(sizes, _USUAL_QUANTILE))
         largest = max(size for size in sizes if size <= _STRAY_RATIO * usual)

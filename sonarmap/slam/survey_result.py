@@ -1,4 +1,4 @@
-"""What comes of mapping a survey: poses, how sure they are, maps, and every pair that was tried."""
+"""The result of mapping a survey: poses, covariances, maps, and every pair that was tried."""
 
 import math
 from collections.abc import Mapping
@@ -24,11 +24,9 @@ from sonarmap.slam.odd.scaled import ScaledScans
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.tie import Tie
 
-# Instruments contradict the map if their median error is this large [sigmas],
-DISPUTED = 3.0
-# or if a larger share of the accepted pairs is rejected, which are all wrong with a smaller probability.
-_REJECTED_SHARE = 0.5
-_CHANCE = 0.01
+DISPUTED = 3.0  # median error of instruments from which they contradict the map [sigmas]
+_REJECTED_SHARE = 0.5  # of the accepted pairs, above which instruments contradict the map too,
+_CHANCE = 0.01  # if all rejected pairs are wrong with at most this probability
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,30 +36,31 @@ class SurveyResult:
     Attributes:
         trajectory: N poses, each in the frame of its component, whose first pose is the identity; in the world
             (East-North-Up) where instruments measured any of its poses.
-        chained: the same as they were before loops.
+        chained: the poses before loops.
         components: the sets of scans that share a frame, by kept edges or by instruments that place them in the world.
         surveys: the number of each scan's survey.
         keys: the key scans of a dense stream, ascending; None where every scan was registered.
-        interpolated: scans between key scans that no registration holds: they are where motion has them.
-        straightened: by how much [m] all but a few points of each scan were moved, as the sensor had moved meanwhile;
-            None where no scan was.
-        way: by which they were.
-        wrong_fixes: what instruments measured and all others contradict; it was left out.
-        understated: by kind of `slam.decide.wrong_measurements`, or "odometry", how many times larger than stated the
-            errors of all measurements are (a ratio); from NOTHING times on those of a kind were left out.
-        mistake: what would have instruments agree that contradict the map, and what to do, in words; "" for nothing.
-        systematic: what all fixes were off by, without which they took part; None for nothing.
-        covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
+        interpolated: scans between key scans that no registration holds, placed by the motion alone.
+        straightened: by how much [m] all but a few points of each scan were moved to correct the sensor's motion; None
+            if no scan was.
+        way: the motion by which they were corrected.
+        wrong_fixes: measurements of instruments that were left out, as all others contradict them.
+        understated: ratio of actual to stated errors, by kind of `slam.decide.wrong_measurements` or "odometry"; kinds
+            with a ratio of NOTHING or more were left out.
+        mistake: a mistake that explains why instruments contradict the map, and its remedy, in words; "" for none.
+        systematic: an error that all fixes share, which was removed from them; None for none.
+        covariances: (N, 6, 6), rotation first [rad, m], body tangent, relative to the component's first pose or the
+            world.
         solution: the optimized graph, with its chi-squared and residuals.
         parts: the maps of every component.
         pairs: every pair that was tried, in the order of trying.
         gaps: consecutive pairs (i, i + 1) that were not kept, whether or not another pair bridges them.
         voxel: edge of the survey's voxels [m].
-        ties: what a person said of pairs; what came of each is with its pair.
-        displaced: scans of pairs that are kept without ties and control points, and refused for these.
-        control: where control and check points are in the map.
-        odd: the scans that fit no other as they are, being mirrored or in another unit; they were left out.
-        scaled: the scans whose ranges are longer or shorter than those of the others; None for none.
+        ties: a person's verdicts on pairs; their outcome is in `pairs`.
+        displaced: scans of pairs that would be kept without ties and control points, and are rejected for these.
+        control: control and check points with their coordinates in the map.
+        odd: faulty scans, which are mirrored or in another unit and were left out.
+        scaled: scans whose ranges are longer or shorter than those of the others; None for none.
         names: of the N scans.
     """
 
@@ -105,18 +104,18 @@ class SurveyResult:
 
     @property
     def moved(self) -> float:
-        """By how much loops moved the pose that they moved most, against its component's first [m]."""
+        """Largest displacement of a pose by loops, relative to its component's first pose [m]."""
         return max(self.trajectory.take(each).farthest_from(self.chained.take(each)) for each in self.components)
 
     @property
     def agreement(self) -> dict[str, tuple[int, int, float]]:
-        """By kind, how many of what instruments measured are used, of how many, and their median distance from the
-        poses [sigmas]."""
+        """By kind of instruments' measurements: number used, number of all, and median distance from the poses
+        [sigmas]."""
         return agreement(dict(self.solution.graph.priors), self.wrong_fixes, self.trajectory.T_world_sensor)
 
     @property
     def unclear(self) -> bool:
-        """Whether what all fixes are off by can be explained in two ways, which place the map differently."""
+        """Whether the fixes' common error has two explanations, which place the map differently."""
         return self.systematic is not None and self.systematic.alternative is not None
 
     @property
@@ -126,16 +125,15 @@ class SurveyResult:
 
     @property
     def disputed(self) -> dict[str, float]:
-        """By kind of measurement that the map contradicts, how many of the stated standard deviations half of its
-        errors exceed."""
+        """Median error in stated standard deviations, by kind of measurement that the map contradicts."""
         apart = {kind: sigmas for kind, (_, _, sigmas) in self.agreement.items()}
         apart |= {kind: times for kind, times in self.understated.items() if kind in KINDS}
         return {kind: sigmas for kind, sigmas in apart.items() if sigmas >= DISPUTED}
 
     @property
     def refused_for_navigation(self) -> tuple[int, int]:
-        """Where instruments take part and most accepted pairs are rejected, more than can be wrong by their own
-        probabilities: how many, and of how many; (0, 0) else."""
+        """Numbers of rejected and of all accepted pairs, if instruments take part and more pairs are rejected than can
+        be wrong by their own probabilities; (0, 0) else."""
         accepted = [pair for pair in self.pairs if pair.accepted]
         rejected = [pair for pair in accepted if not pair.kept]
         all_wrong = math.prod(1 - pair.registration.probability for pair in rejected if pair.registration is not None)
@@ -145,15 +143,15 @@ class SurveyResult:
 
     @property
     def by_navigation(self) -> tuple[int, ...]:
-        """The scans that no registration holds, and that lie in a map of several by navigation alone."""
+        """Scans that no registration holds, and that navigation alone places in a map of several scans."""
         held = {scan for edge in self.edges for scan in (edge.i, edge.j)}
-        asked = set(range(len(self.trajectory)) if self.keys is None else self.keys) - held
-        return tuple(sorted(k for members in self.components if len(members) > 1 for k in asked.intersection(members)))
+        free = set(range(len(self.trajectory)) if self.keys is None else self.keys) - held
+        return tuple(sorted(k for members in self.components if len(members) > 1 for k in free.intersection(members)))
 
     @property
     def unconfirmed(self) -> tuple[Pair, ...]:
-        """Gaps, and steps that were guessed, of which both sides lie in one map for nothing but pairs that were sought
-        where the motion, or an estimate that follows from it, has them. Such pairs are found there, rightly or not."""
+        """Gaps and guessed steps whose sides are in one map only by pairs that were sought at expected poses,
+        where such pairs are found, rightly or not."""
         graph = self.solution.graph
         sought = {pair.scans for pair in self.pairs if pair.expected is not None and pair.role != "sequential"}
         joined = DisjointSet(range(len(self.trajectory)))

@@ -1,4 +1,4 @@
-"""What a person says of a pair of scans, over what the survey decides by itself."""
+"""Ties: a person's verdicts on pairs of scans, which override the survey's own."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,19 +10,19 @@ from sonarmap.spectral.result import Registration
 
 Verdict = Literal["accept", "reject", "add"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
-# Of a pair: "given" is "add" with a transform, which no registration replaces; "" is a pair that nobody spoke of.
+# A person's verdict on a pair: "given" is "add" with a transform, which no registration replaces; "" is none.
 ByHand = Literal["", "accept", "reject", "add", "given"]
 
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """A verdict on two scans.
+    """A person's verdict on two scans.
 
     Attributes:
         i, j: target and source, i < j, as of a `Pair`.
-        verdict: "reject": the pair never is an edge; "accept": its registration is an edge whatever the others say;
-            "add": the same, and where no search proposed the pair it is registered.
-        given: T_i_j as a person measured it, which then stands in place of a registration; with "add" alone.
+        verdict: "reject": the pair is never an edge; "accept": its registration is an edge whatever other pairs show;
+            "add": the same, and the pair is registered if the search did not propose it.
+        given: T_i_j as a person measured it, which replaces a registration; only with "add".
         note: why, in the person's words.
     """
 
@@ -36,7 +36,7 @@ class Tie:
         if not isinstance(self.verdict, str) or self.verdict not in VERDICTS:
             raise InputError(f"the verdict of a tie is {self.verdict!r}; wanted one of {', '.join(VERDICTS)}")
         if not all(isinstance(k, Integral) for k in self.scans) or not 0 <= self.i < self.j:
-            raise InputError(f"a tie is of scans {self.i} and {self.j}; wanted two different ones, the lower first")
+            raise InputError(f"a tie names scans {self.i} and {self.j}; wanted two different ones, the lower first")
         if not isinstance(self.given, Registration | None):
             raise InputError(f"the transform of a tie is {self.given!r}; wanted a Registration")
         if self.given is not None and self.verdict != "add":

@@ -222,7 +222,7 @@ def test_points_of_scans_between_the_key_scans_count() -> None:
 @pytest.mark.parametrize(
     ("inputs", "words"),
     [
-        ({"ties": [Tie(2, 24, "reject")]}, "of scan 24; there are 24"),
+        ({"ties": [Tie(2, 24, "reject")]}, "names scan 24; there are 24"),
         ({"ties": [Tie(2, 4, "reject"), Tie(2, 4, "accept")]}, "two ties"),
         ({"control": [replace(points([3])[0], scan=-1)]}, "there are 24"),
     ],
