@@ -1,4 +1,4 @@
-"""Control points: places in scans whose coordinates in the world are known."""
+"""Control points: points in scans whose coordinates in the world are known."""
 
 from dataclasses import dataclass
 from numbers import Integral

@@ -221,7 +221,7 @@ class Solution:
         return self.graph.trajectory
 
     def with_covariances(self, scale_factors: np.ndarray) -> "Solution":
-        """The solution with covariances, where `optimize` was told to leave them out; `scale_factors` as there."""
+        """The solution with covariances, if `optimize` left them out; `scale_factors` as there."""
         factors = factors_of(self.graph, scale_factors=scale_factors)
         return replace(self, _linear=factors.linearize(to_values(self.trajectory.T_world_sensor)))
 

@@ -77,7 +77,7 @@ def _multipliers(problem: ChordalProblem, X: np.ndarray) -> tuple[np.ndarray, np
 def _lowest(dual: sparse.csc_array, weights: sparse.csc_array, scale: float, tolerance: float) -> float:
     """The lowest eigenvalue of dual x = lambda weights x.
 
-    Three are 0, with the poses as their vectors. The shifted matrix has as many negative pivots as there are
+    Three are 0, with the poses as eigenvectors. The shifted matrix has as many negative pivots as there are
     eigenvalues below the shift (Sylvester); the shift is lowered until there are none.
     """
     shift = -max(tolerance, 1e-12 * scale)
