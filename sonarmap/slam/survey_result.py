@@ -12,7 +12,7 @@ from sonarmap.kernels.counted import counted
 from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.slam.decide.wrong_measurements import KINDS, NOTHING, WrongFix, agreement
 from sonarmap.slam.graph.control import MeasuredControl
-from sonarmap.slam.graph.edge import Edge, placed
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.graph.tangent import sigma_words
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -22,6 +22,7 @@ from sonarmap.slam.motion.straighten import Way
 from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.odd.scaled import ScaledScans
 from sonarmap.slam.pair import Pair
+from sonarmap.slam.parts import placed
 from sonarmap.slam.tie import Tie
 
 DISPUTED = 3.0  # median error of instruments from which they contradict the map [sigmas]

@@ -186,18 +186,3 @@ def cut_edges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -
                 order[step[0]] = low[step[0]] = reached = reached + 1
                 path.append((*step, iter(neighbors[step[0]])))
     return bridges
-
-
-def placed(components: Sequence[Sequence[int]]) -> list[int]:
-    """Indices of the components that are maps, largest first, and of equals the earlier first.
-
-    A single scan is no map; where no two scans are joined, the first one is the only map.
-    """
-    ranked = sorted(range(len(components)), key=lambda c: (-len(components[c]), c))
-    return [c for c in ranked if len(components[c]) > 1] or ranked[:1]
-
-
-def unplaced(components: Sequence[Sequence[int]]) -> list[int]:
-    """Scans that are in no map, ascending."""
-    maps = set(placed(components))
-    return sorted(scan for c, members in enumerate(components) if c not in maps for scan in members)

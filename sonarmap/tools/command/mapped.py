@@ -13,7 +13,7 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.edge import placed, unplaced
+from sonarmap.slam.parts import placed, unplaced
 from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.terminal import error_console, number_table, print_json, printable, result_console, warn
 

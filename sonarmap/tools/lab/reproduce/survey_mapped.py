@@ -118,7 +118,7 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
 
 def mapped_of(result: "SurveyResult") -> MappedSurvey:
     """What this project's mapper made, without times and signatures."""
-    from sonarmap.slam.graph.edge import placed
+    from sonarmap.slam.parts import placed
 
     largest = placed(result.components)[0]
     members, part = list(result.components[largest]), result.parts[largest]

@@ -8,11 +8,12 @@ from typing import Any
 from sonarmap.kernels.counted import counted
 from sonarmap.slam.decide.lone import lone_steps
 from sonarmap.slam.decide.systematic import Systematic
-from sonarmap.slam.graph.edge import components, placed, unplaced
+from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.odd.scaled import ScaledScans
 from sonarmap.slam.pair import DEFECT, Pair
+from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.products.output.pairs_file import has_no_effect, is_contradicted, tie_effect
 

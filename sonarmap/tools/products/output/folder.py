@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sonarmap.slam.graph.edge import placed
 from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.map_folder.names import (
     FULL_GRAPH,

@@ -10,12 +10,12 @@ import numpy as np
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.slam.execute.runner import Timings
-from sonarmap.slam.graph.edge import placed, unplaced
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.map.crossing import CrossingError
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.pair import Pair, Role
+from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.inputs import package_versions

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from sonarmap.kernels.counted import counted
-from sonarmap.slam.graph.edge import placed
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 from sonarmap.tools.products.png import write_png

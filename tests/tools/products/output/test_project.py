@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.edge import placed, unplaced
 from sonarmap.slam.map.component_maps import CleanMap, component_maps
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
