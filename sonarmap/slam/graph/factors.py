@@ -58,7 +58,8 @@ def _information_roots(covariances: np.ndarray) -> np.ndarray:
     They follow from the covariances' eigenvalues: inverting would round away how unconstrained a direction is.
     """
     values, axes = np.linalg.eigh(covariances)
-    roots = np.linalg.qr(axes.swapaxes(1, 2) / np.sqrt(values)[:, :, None], mode="r")
+    # pyrefly: ignore[bad-assignment]
+    roots: np.ndarray = np.linalg.qr(axes.swapaxes(1, 2) / np.sqrt(values)[:, :, None], mode="r")
     return roots * np.sign(np.diagonal(roots, axis1=1, axis2=2))[:, :, None]
 
 

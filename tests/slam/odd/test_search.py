@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.edge import unplaced
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.odd.odd_scan import FOOT, Change
+from sonarmap.slam.parts import unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
