@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
     from sonarmap.tools.files.readers.pings.patches import LineReading
     from sonarmap.tools.files.readers.scans import ReadScans
-    from sonarmap.tools.products.lines import MovedLine
+    from sonarmap.tools.products.output.lines import MovedLine
 
 
 def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: bool) -> "Corrections":
@@ -75,7 +75,7 @@ def give_back(
     from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.slam.pings.crossings import crossings
     from sonarmap.tools.files.map_folder.names import OF_LINES
-    from sonarmap.tools.products.lines import moved_lines, write_lines
+    from sonarmap.tools.products.output.lines import moved_lines, write_lines
 
     with stage("lines", quiet):
         lines = moved_lines(patches, mapped.result, georeference, reading)

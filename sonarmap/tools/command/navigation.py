@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from sonarmap.kernels.errors import InputError, SonarmapError
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     NAVIGATION,
     completes,
     given,

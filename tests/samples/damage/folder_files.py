@@ -10,8 +10,7 @@ import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.main import app
-from sonarmap.tools.command.settings import read_settings
+from sonarmap.tools.command.main import app, read_settings
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.bags.samples import dive

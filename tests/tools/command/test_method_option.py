@@ -10,8 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.method import configure_method
-from sonarmap.tools.command.options.registration import MethodOptions
+from sonarmap.tools.command.method import MethodOptions, configure_method
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
 from sonarmap.tools.methods.registry import METHODS

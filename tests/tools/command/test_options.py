@@ -9,8 +9,8 @@ from typer.testing import CliRunner, Result
 from sonarmap.slam.mapper import MapperSettings
 from sonarmap.tools.command.failures import OPTIONS, as_options
 from sonarmap.tools.command.main import VERBS, app
-from sonarmap.tools.command.options.option import spread
-from sonarmap.tools.command.options.registration import MethodOptions, changed
+from sonarmap.tools.command.method import MethodOptions, changed
+from sonarmap.tools.command.option import spread
 from tests.samples.refusals import refuses
 
 

@@ -8,8 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from sonarmap.tools.command.main import app
-from sonarmap.tools.command.settings import read_settings
+from sonarmap.tools.command.main import app, read_settings
 from tests.samples.refusals import refuses
 
 VERBS: Any = typer.main.get_command(app)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.tools.command.settings import read_settings
+from sonarmap.tools.command.main import read_settings
 from sonarmap.tools.files.inputs import sha256_of
 from sonarmap.tools.files.readers.csv_table import read_csv_table
 from sonarmap.tools.files.readers.navigation.overview import read_navigation

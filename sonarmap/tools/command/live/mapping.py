@@ -26,8 +26,7 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
 from sonarmap.tools.command.live.navigation import Navigation
-from sonarmap.tools.command.method import configure_method
-from sonarmap.tools.command.options.registration import MethodOptions
+from sonarmap.tools.command.method import MethodOptions, configure_method
 from sonarmap.tools.files.map_folder.names import JOURNAL
 from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, replayed

@@ -9,8 +9,7 @@ from typing import Any
 
 from sonarmap.kernels.counted import lasting, sized
 from sonarmap.tools.command.record.receiver import Source
-from sonarmap.tools.command.record.recorder import Status
-from sonarmap.tools.command.record.tally import IMU, RANGES, SHADED, STRENGTHS, ClockOffset
+from sonarmap.tools.command.record.recorder import IMU, RANGES, SHADED, STRENGTHS, ClockOffset, Status
 
 _PLAIN = {
     RANGES: ("shot", "shots"),

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from sonarmap.tools.command.options.option import MEASUREMENT, OUTPUT, DeviceOption, JsonOption, flag, option
-from sonarmap.tools.command.options.registration import check_seed
+from sonarmap.tools.command.method import check_seed
+from sonarmap.tools.command.option import MEASUREMENT, OUTPUT, DeviceOption, JsonOption, flag, option
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import print_json, say
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.method import configure_method
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.method import MethodOptions, ViewOptions, configure_method
+from sonarmap.tools.command.option import (
     INPUT,
     OUTPUT,
     REQUIRED,
@@ -20,8 +20,7 @@ from sonarmap.tools.command.options.option import (
     length,
     option,
 )
-from sonarmap.tools.command.options.output import SAME_FRAME, EarthPlace, open_map
-from sonarmap.tools.command.options.registration import MethodOptions, ViewOptions
+from sonarmap.tools.command.output import SAME_FRAME, EarthPlace, open_map
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
 from sonarmap.tools.extras import require

@@ -7,7 +7,7 @@ import typer
 
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.tools.command.failures import MISUSE
-from sonarmap.tools.command.options.option import RUNNING, DeviceOption, JsonOption, switch
+from sonarmap.tools.command.option import RUNNING, DeviceOption, JsonOption, switch
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say
 
 _SHOWN = 32  # grids whose edge is a multiple of this are shown

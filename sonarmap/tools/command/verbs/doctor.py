@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.option import RUNNING, JsonOption, switch
+from sonarmap.tools.command.option import RUNNING, JsonOption, switch
 
 
 def command(

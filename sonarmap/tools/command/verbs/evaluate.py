@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     INPUT,
     MEASUREMENT,
     JsonOption,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     OUTPUT,
     REQUIRED,
     JsonOption,
@@ -17,7 +17,7 @@ from sonarmap.tools.command.options.option import (
     length,
     option,
 )
-from sonarmap.tools.command.options.output import CELL, EarthPlace, FormatsOption, export_with_progress
+from sonarmap.tools.command.output import CELL, EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.terminal import print_json, printable
 from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import HEIGHTS

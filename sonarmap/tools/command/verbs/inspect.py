@@ -11,11 +11,11 @@ import typer
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
+from sonarmap.tools.command.method import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.navigation import NavigationReading
-from sonarmap.tools.command.options.option import OUTPUT, JsonOption, QuietOption, given, switch, value_option
-from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
-from sonarmap.tools.command.options.survey import InputsArgument, PointReading
+from sonarmap.tools.command.option import OUTPUT, JsonOption, QuietOption, given, switch, value_option
 from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.survey import InputsArgument, PointReading
 from sonarmap.tools.command.terminal import print_json, print_rows, printable, say, warn
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _inspect_log(
     options = [f"--{name.replace('_', '-')} {shlex.quote(_plain(value))}" for name, value in given(reading).items()]
     following = next_command(str(path), scans, options)
     if plot is not None:
-        from sonarmap.tools.products.report.log_picture import draw_log
+        from sonarmap.tools.products.report.pictures import draw_log
 
         draw_log(found, plot)
     if as_json:

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.execution import ExecutionOptions
 from sonarmap.tools.command.failures import discard
-from sonarmap.tools.command.method import require_effect
+from sonarmap.tools.command.method import MethodOptions, require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     INPUT,
     NAVIGATION,
     OUTPUT,
@@ -29,10 +28,9 @@ from sonarmap.tools.command.options.option import (
     given,
     option,
 )
-from sonarmap.tools.command.options.output import EarthPlace, MapOutput
-from sonarmap.tools.command.options.registration import MethodOptions
-from sonarmap.tools.command.options.survey import PointReading, SurveyOptions, TiesAndControl
+from sonarmap.tools.command.output import EarthPlace, MapOutput
 from sonarmap.tools.command.progress import status_line
+from sonarmap.tools.command.survey import ExecutionOptions, PointReading, SurveyOptions, TiesAndControl
 from sonarmap.tools.command.terminal import say, warn
 from sonarmap.tools.command.verbs import map as map_verb
 from sonarmap.tools.command.verbs.record import Listening, ending

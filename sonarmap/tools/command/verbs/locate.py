@@ -9,9 +9,9 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.method import configure_method
+from sonarmap.tools.command.method import ViewOptions, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     INPUT,
     OUTPUT,
     JsonOption,
@@ -20,10 +20,9 @@ from sonarmap.tools.command.options.option import (
     flag,
     option,
 )
-from sonarmap.tools.command.options.output import EarthPlace, open_map
-from sonarmap.tools.command.options.registration import ViewOptions
-from sonarmap.tools.command.options.survey import InputsArgument, PointReading
+from sonarmap.tools.command.output import EarthPlace, open_map
 from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.survey import InputsArgument, PointReading
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, printable, result_console, say, warn
 
 if TYPE_CHECKING:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.failures import as_options, print_failure, when_stopped
 from sonarmap.tools.command.lines import give_back, navigated_lines, without_biases
 from sonarmap.tools.command.mapped import (
@@ -20,7 +19,13 @@ from sonarmap.tools.command.mapped import (
     warn_of_some,
     written_summary,
 )
-from sonarmap.tools.command.method import ConfiguredMethod, configure_method, require_effect, require_method
+from sonarmap.tools.command.method import (
+    ConfiguredMethod,
+    MethodOptions,
+    configure_method,
+    require_effect,
+    require_method,
+)
 from sonarmap.tools.command.navigation import (
     ContradictedError,
     ImuOption,
@@ -31,7 +36,7 @@ from sonarmap.tools.command.navigation import (
     scans_with_priors,
     with_mistake,
 )
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     NAVIGATION,
     RUNNING,
     JsonOption,
@@ -40,10 +45,16 @@ from sonarmap.tools.command.options.option import (
     refuse_without,
     switch,
 )
-from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
-from sonarmap.tools.command.options.registration import MethodOptions
-from sonarmap.tools.command.options.survey import InputsArgument, PointReading, SurveyOptions, TiesAndControl
+from sonarmap.tools.command.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.progress import growing_progress, stage
+from sonarmap.tools.command.survey import (
+    ExecutionOptions,
+    InputsArgument,
+    PointReading,
+    SurveyOptions,
+    TiesAndControl,
+    open_execution,
+)
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.files.writers.atomic import locked, require_writable
 

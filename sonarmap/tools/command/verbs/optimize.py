@@ -13,7 +13,7 @@ from rich.text import Text
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     OPTIMIZATION,
     OUTPUT,
     REQUIRED,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     INPUT,
     OUTPUT,
     REQUIRED,

@@ -12,11 +12,10 @@ import typer
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
-from sonarmap.tools.command.method import ConfiguredMethod, configure_method, require_effect
+from sonarmap.tools.command.method import ConfiguredMethod, MethodOptions, configure_method, require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.options.option import OUTPUT, JsonOption, refused_by, value_option
-from sonarmap.tools.command.options.registration import MethodOptions
-from sonarmap.tools.command.options.survey import PointReading
+from sonarmap.tools.command.option import OUTPUT, JsonOption, refused_by, value_option
+from sonarmap.tools.command.survey import PointReading
 from sonarmap.tools.command.terminal import print_json, print_rows, printable, result_console, say, warn
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     INPUT,
     OUTPUT,
     REQUIRED,
@@ -22,11 +22,11 @@ from sonarmap.tools.command.options.option import (
     length,
     option,
 )
-from sonarmap.tools.command.options.output import CELL, EarthPlace, open_map
+from sonarmap.tools.command.output import CELL, EarthPlace, open_map
 from sonarmap.tools.command.terminal import print_json, print_result, say
 
 if TYPE_CHECKING:
-    from sonarmap.tools.products.section.section import Coordinates, PlacedMap
+    from sonarmap.tools.products.section import Coordinates, PlacedMap
 
 _input = partial(option, INPUT)
 _VOXELS = 2  # to either side, where --width is not given
@@ -77,8 +77,15 @@ def command(
     import numpy as np
 
     from sonarmap.tools.products.export.grid import default_cell
-    from sonarmap.tools.products.section.files import Titles, check_names, write_section
-    from sonarmap.tools.products.section.section import Coordinates, PlacedMap, profile_of, section_of
+    from sonarmap.tools.products.section import (
+        Coordinates,
+        PlacedMap,
+        Titles,
+        check_names,
+        profile_of,
+        section_of,
+        write_section,
+    )
 
     check_names(files.out, source)
     ends = np.array([_place(name, text, line.degrees) for name, text in (("--from", line.start), ("--to", line.end))])
@@ -129,7 +136,7 @@ def _place(name: str, text: str, in_degrees: bool) -> list[float]:
 
 def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coordinates":
     """The coordinates of --from and --to. Raises InputError: both options, or a map whose place is not known."""
-    from sonarmap.tools.products.section.section import Coordinates
+    from sonarmap.tools.products.section import Coordinates
 
     if line.world and line.degrees:
         raise InputError("--world and --degrees exclude one another; give the one in which --from and --to are")

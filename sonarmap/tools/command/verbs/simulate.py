@@ -10,7 +10,8 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.method import changed, check_seed
+from sonarmap.tools.command.option import (
     INSTRUMENTS,
     MOST,
     NAVIGATION,
@@ -24,7 +25,6 @@ from sonarmap.tools.command.options.option import (
     option,
     value_option,
 )
-from sonarmap.tools.command.options.registration import changed, check_seed
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS

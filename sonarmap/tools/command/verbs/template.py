@@ -7,9 +7,9 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import OUTPUT, value_option
-from sonarmap.tools.command.options.survey import InputsArgument
+from sonarmap.tools.command.option import OUTPUT, value_option
 from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.survey import InputsArgument
 from sonarmap.tools.command.terminal import printable, say, warn
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import RUNNING, switch
+from sonarmap.tools.command.option import RUNNING, switch
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.files.writers.atomic import locked
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import INPUT, JsonOption, QuietOption, checked, choice, flag, length, option
-from sonarmap.tools.command.options.output import CELL, SAME_FRAME, open_map
+from sonarmap.tools.command.option import INPUT, JsonOption, QuietOption, checked, choice, flag, length, option
+from sonarmap.tools.command.output import CELL, SAME_FRAME, open_map
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, say
 from sonarmap.tools.products.export.formats import HEIGHTS
 
 if TYPE_CHECKING:
-    from sonarmap.tools.products.section.section import PlacedMap
+    from sonarmap.tools.products.section import PlacedMap
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ def command(
     where both were seen; the area that only one of two maps shows is printed beside.
     """
     from sonarmap.tools.products.export.grid import default_cell
-    from sonarmap.tools.products.section.volume import volume_between, volume_to_level
+    from sonarmap.tools.products.volume import volume_between, volume_to_level
 
     if (target.level is None) == (other is None):
         given = "neither" if target.level is None else "both"
@@ -91,7 +91,7 @@ def command(
 
 def _opened(path: Path, least: int) -> "PlacedMap":
     """The largest part of a map, with the points that so many scans saw."""
-    from sonarmap.tools.products.section.section import PlacedMap
+    from sonarmap.tools.products.section import PlacedMap
 
     placed = PlacedMap.of(open_map(path))
     if not placed.upright:

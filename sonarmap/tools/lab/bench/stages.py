@@ -54,7 +54,7 @@ SURVEY_STAGES: Mapping[str, str] = {
     "sonarmap.slam.decide.decision:decide": "deciding, optimizing",
     "sonarmap.slam.map.component_maps:component_maps": "fusing maps",
     "sonarmap.slam.graph.pose_covariance:pose_covariances": "covariances",
-    "sonarmap.tools.products.report.map_picture:draw_map": "picture",
+    "sonarmap.tools.products.report.pictures:draw_map": "picture",
     "sonarmap.tools.products.output.folder:write_survey": "writing files",
 }
 

@@ -21,8 +21,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
 from sonarmap.tools.products.compare.cloud import PointCloud
-from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
-from sonarmap.tools.products.compare.regions import Region, regions_of
+from sonarmap.tools.products.compare.distances import Distances, Region, Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import Epoch
 
 MOST_VIEWS = 16  # of the new map, spread over its track

@@ -15,12 +15,11 @@ from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, locked
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.tables import write_json, write_table
 from sonarmap.tools.products.compare.comparison import Comparison
-from sonarmap.tools.products.compare.distances import Distances, Verdict
-from sonarmap.tools.products.compare.regions import Region
+from sonarmap.tools.products.compare.distances import Distances, Region, Verdict
 from sonarmap.tools.products.export.geotiff import NODATA
 from sonarmap.tools.products.export.grid import check_size
 from sonarmap.tools.products.export.laz import las_header
-from sonarmap.tools.products.png import write_png
+from sonarmap.tools.products.report.pictures import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -127,10 +127,10 @@ FORMATS = {
         library="pyogrio",
     ),
     "mesh-ply": ExportFormat(
-        "surface{}.ply", "surface:write_grid", "a mesh from above, PLY", "map", of_surface=True, library="trimesh"
+        "surface{}.ply", "grid:write_mesh", "a mesh from above, PLY", "map", of_surface=True, library="trimesh"
     ),
     "mesh-glb": ExportFormat(
-        "surface{}.glb", "surface:write_grid", "a mesh from above, GLB", "map", of_surface=True, library="trimesh"
+        "surface{}.glb", "grid:write_mesh", "a mesh from above, GLB", "map", of_surface=True, library="trimesh"
     ),
     "mcap": ExportFormat(
         "map{}.mcap",

@@ -28,10 +28,9 @@ from sonarmap.tools.files.writers.atomic import all_or_none, discard
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.poses import write_g2o, write_tum
 from sonarmap.tools.files.writers.tables import write_json
-from sonarmap.tools.products.output.graph_file import survey_graph
 from sonarmap.tools.products.output.pairs_file import write_pairs
-from sonarmap.tools.products.output.summary import SurveyRun, survey_summary
-from sonarmap.tools.products.report.map_picture import draw_map
+from sonarmap.tools.products.output.summary import SurveyRun, survey_graph, survey_summary
+from sonarmap.tools.products.report.pictures import draw_map
 from sonarmap.tools.products.report.provenance import inputs_of
 
 _LAYER = re.compile(r"_survey_(\d+)$")

@@ -16,7 +16,7 @@ from sonarmap.slam.mapper import MapperSettings
 from sonarmap.tools.command.live import mapping as module
 from sonarmap.tools.command.live.kept_keys import keep_key, map_keys
 from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
-from sonarmap.tools.command.options.registration import MethodOptions
+from sonarmap.tools.command.method import MethodOptions
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.readers.corrections import AS_RECORDED
 from sonarmap.tools.files.readers.poses.trajectory import read_tum

@@ -14,7 +14,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.record.receiver import GROUP as DEFAULT_GROUP
 from sonarmap.tools.command.record.receiver import Source, open_socket, overflow_of, source_of, system_buffer
-from sonarmap.tools.command.record.tally import IMU, RANGES, STRENGTHS
+from sonarmap.tools.command.record.recorder import IMU, RANGES, STRENGTHS
 from sonarmap.tools.files.readers.sonar.recording import Recording
 from tests.samples.clutter_scans import refused, sonarmap
 from tests.samples.live.recorded import messages_by_wlsonar, record_while

@@ -9,8 +9,7 @@ import pytest
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.command.record.receiver import Datagram, Senders, Source
-from sonarmap.tools.command.record.recorder import RecordSettings, Status
-from sonarmap.tools.command.record.tally import RANGES, ClockOffset, Tally
+from sonarmap.tools.command.record.recorder import RANGES, ClockOffset, RecordSettings, Status, Tally
 from sonarmap.tools.command.record.words import Watch
 from sonarmap.tools.files.readers.sonar.packets import fault_of
 from tests.samples.damage.mutations import mutated

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rasterio
 
-from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.output import EarthPlace
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from tests.samples.clutter_scans import done, files_in, printed, refused, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map

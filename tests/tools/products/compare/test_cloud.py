@@ -16,8 +16,7 @@ from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.maps import export_map
 from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
 from sonarmap.tools.products.compare.comparison import Alignment, CompareSettings, compare_maps
-from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
-from sonarmap.tools.products.compare.regions import regions_of
+from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import Epoch
 from tests.samples.surveys import drawn
 from tests.tools.products.compare.made_up import VOXEL, surveyed

@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.compare.comparison import Comparison
-from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
-from sonarmap.tools.products.compare.regions import regions_of
+from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import RADIUS, Epoch, cores_of, layer_of
 from tests.tools.products.compare.made_up import NOISE, VOXEL, bed, surveyed
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import MapPart
-from sonarmap.tools.products.export.surface import write_grid
+from sonarmap.tools.products.export.grid import write_mesh
 from tests.tools.products.export.finished import georeferenced
 
 
@@ -45,7 +45,7 @@ def test_the_grid_is_a_sheet_that_looks_up(tmp_path: Path, suffix: str, far: flo
     kept = ~((x == 3.5) & (y == 2.5)) & ~((x == 6.5) & (y == 4.5))
     points = np.column_stack([x, y, slope(x, y)])[kept] + [far, -2 * far, 0]
     path = tmp_path / f"surface.{suffix}"
-    said = write_grid(path, part_of(points), 1.0)
+    said = write_mesh(path, part_of(points), 1.0)
     vertices, triangles = read(path)
     assert (said["vertices"], said["triangles"]) == (len(vertices), len(triangles)) == (33, 2 * 19 + 5)
     order, wanted = np.lexsort(vertices.T[:2]), np.lexsort(points.T[:2])
@@ -58,4 +58,4 @@ def test_the_grid_is_a_sheet_that_looks_up(tmp_path: Path, suffix: str, far: flo
 
 def test_lone_points_have_no_surface(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--cell M"):
-        write_grid(tmp_path / "surface.ply", part_of(np.array([[0.0, 0, 0], [9.0, 0, 0], [0, 9.0, 0]])), 1.0)
+        write_mesh(tmp_path / "surface.ply", part_of(np.array([[0.0, 0, 0], [9.0, 0, 0], [0, 9.0, 0]])), 1.0)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
-from sonarmap.tools.products.report.evidence import (
+from sonarmap.tools.products.report.content import (
     control_rows,
     crossing_rows,
     kept_sequential,

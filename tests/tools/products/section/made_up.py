@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import MapPart
-from sonarmap.tools.products.section.section import PlacedMap
+from sonarmap.tools.products.section import PlacedMap
 
 
 def placed(

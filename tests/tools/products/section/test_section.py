@@ -8,8 +8,17 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.products.section.files import PROFILE, Titles, check_names, section_figure, write_section
-from sonarmap.tools.products.section.section import Coordinates, Section, profile_of, section_of
+from sonarmap.tools.products.section import (
+    PROFILE,
+    Coordinates,
+    Section,
+    Titles,
+    check_names,
+    profile_of,
+    section_figure,
+    section_of,
+    write_section,
+)
 from tests.samples.clutter_scans import files_in, table_of
 from tests.tools.products.section.made_up import placed
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import (
+from sonarmap.tools.command.option import (
     EARTH,
     OUTPUT,
     REQUIRED,

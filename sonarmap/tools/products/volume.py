@@ -20,7 +20,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import upward
 from sonarmap.tools.products.export.grid import Cells, cells_of, check_size, weight_of
-from sonarmap.tools.products.section.section import PlacedMap
+from sonarmap.tools.products.section import PlacedMap
 
 _MOST = 1e12  # cells along an edge: more than any grid may have
 

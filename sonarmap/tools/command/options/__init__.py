@@ -1,1 +1,0 @@
-"""Options that several verbs share, with their checks: one file for each of what they are about."""

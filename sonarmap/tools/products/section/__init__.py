@@ -1,1 +1,0 @@
-"""What surveyors take from a finished map: sections along a line, and volumes."""
