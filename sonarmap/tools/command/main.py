@@ -27,7 +27,7 @@ from sonarmap.tools.files.user_file import require_file
 # A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help. A new verb is a new name
 # here; the help lists them in these groups, in this order.
 GROUPS = {
-    "Survey": ("record", "live", "inspect", "template", "map"),
+    "Survey": ("record", "live", "inspect", "map"),
     "Finished map": ("view", "export", "locate", "section", "volume", "compare"),
     "Pair and graph": ("register", "optimize"),
     "Machine": ("doctor", "devices"),

@@ -4,20 +4,10 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import (
-    REGISTRATION,
-    DeviceOption,
-    checked,
-    completes,
-    is_positive,
-    option,
-    refused_by,
-    value_option,
-)
+from sonarmap.tools.command.option import REGISTRATION, DeviceOption, checked, completes, is_positive, refused_by
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, Setup, find_method
 
@@ -31,8 +21,6 @@ if TYPE_CHECKING:
 
 DEFAULT_EDGE = 128
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
-
-_registration = partial(option, REGISTRATION)
 
 
 def _require_edge(edge: int) -> None:
@@ -55,8 +43,7 @@ check_seed = checked(
 
 GridOption = Annotated[
     int | None,
-    value_option(
-        REGISTRATION,
+    REGISTRATION.value(
         "N",
         "Voxels per edge, 16..512: an even product of 2, 3 and 5.",
         callback=refused_by(_require_edge),
@@ -65,8 +52,7 @@ GridOption = Annotated[
 ]
 VoxelOption = Annotated[
     float | None,
-    value_option(
-        REGISTRATION,
+    REGISTRATION.value(
         "M",
         "Edge of a voxel \\[m].",
         callback=checked(
@@ -79,8 +65,7 @@ VoxelOption = Annotated[
 ]
 TiltOption = Annotated[
     float | None,
-    value_option(
-        REGISTRATION,
+    REGISTRATION.value(
         "DEG",
         "Largest roll and pitch between two scans \\[deg]; larger ones are rejected. 180 is no limit.",
         callback=check_tilt,
@@ -93,7 +78,7 @@ TiltOption = Annotated[
 class MethodOptions:
     """How to register."""
 
-    method: str = _registration(
+    method: str = REGISTRATION.option(
         "NAME",
         f"How to register. Methods: {', '.join(METHODS)}.",
         DEFAULT_METHOD,
@@ -103,10 +88,10 @@ class MethodOptions:
     grid: GridOption = None
     voxel: VoxelOption = None
     max_tilt: TiltOption = None
-    seed: int | None = _registration(
+    seed: int | None = REGISTRATION.option(
         "S", "Seed for methods that use random numbers.", rare=True, callback=check_seed, shown="0"
     )
-    settings: list[str] = _registration(
+    settings: list[str] = REGISTRATION.option(
         "KEY=VALUE",
         "Set a field of the configuration that the Python library has, as hypotheses=24 or keys.step=0.5; may be "
         "repeated (docs/mapping.md).",

@@ -8,16 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from sonarmap.kernels.errors import InputError, SonarmapError
-from sonarmap.tools.command.option import (
-    NAVIGATION,
-    completes,
-    given,
-    listed_in,
-    option,
-    refuse_without,
-    refused_by,
-    switch,
-)
+from sonarmap.tools.command.option import NAVIGATION, completes, given, listed_in, refuse_without, refused_by
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
@@ -33,11 +24,10 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 DEFAULT_DRIFT = "1,10"
-_nav = partial(option, NAVIGATION)
-_rare = partial(_nav, rare=True)
+_rare = partial(NAVIGATION.option, rare=True)
 
 ImuOption = Annotated[
-    bool, switch(NAVIGATION, "--imu/--no-imu", "Use roll and pitch of the recording's own IMU.", rare=True)
+    bool, NAVIGATION.switch("--imu/--no-imu", "Use roll and pitch of the recording's own IMU.", rare=True)
 ]
 
 
@@ -65,14 +55,14 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
 class PriorsFile:
     """--priors and --prior-sigmas: what instruments measured of the scans' poses."""
 
-    priors: list[Path] = _nav(
+    priors: list[Path] = NAVIGATION.option(
         "FILE",
         "Measured poses: a CSV, TUM or NMEA 0183 log. CSV columns: name or stamp, then any of roll_deg, pitch_deg, "
-        "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on. `sonarmap template` writes such a table to fill in. "
+        "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on. `sonarmap inspect --template` writes such a table. "
         "Repeat it for files that measured something else, or other scans.",
         [],
     )
-    prior_sigmas: str | None = _nav(
+    prior_sigmas: str | None = NAVIGATION.option(
         "A,H,D,P",
         "Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
         callback=refused_by(parse_prior_sigmas),
@@ -93,7 +83,7 @@ class PriorsFile:
 class OdometryFile:
     """Dead reckoning."""
 
-    odometry: Path | None = _nav(
+    odometry: Path | None = NAVIGATION.option(
         "FILE",
         "Dead reckoning with times of its own: TUM, CSV (stamp and the columns of a priors file), ROS bag or MCAP "
         "(FILE::TOPIC).",

@@ -1,4 +1,5 @@
-"""Options: `option` declares one, as the default of a parameter, or of a field of a dataclass that several verbs take.
+"""Options: a `Panel` declares them, each as the default of a parameter, or of a field of a dataclass that several verbs
+take.
 
 `spread` gives typer the fields in place of the dataclasses.
 """
@@ -8,7 +9,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import MISSING, Field, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, cast, get_origin
@@ -18,18 +19,6 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
 
-INPUT = "Input"
-NAVIGATION = "Navigation"
-SCENE = "Scene"
-NOISE = "Noise"
-REGISTRATION = "Registration"
-EXPERIMENT = "Experiment"
-OPTIMIZATION = "Optimization"
-MEASUREMENT = "Measurement"
-LOOPS = "Loops and motion"
-EARTH = "Place on the Earth"
-OUTPUT = "Output"
-RUNNING = "Running"
 MOST_WORKERS = 1024  # more processes than any machine has use for
 MOST = 1_000_000  # of whatever is counted, so that every file and library can hold the number
 
@@ -40,21 +29,6 @@ REQUIRED: Any = MISSING  # the default of an option that has to be given
 _OPTION = "option"  # in a field's metadata
 
 
-def value_option(panel: str, metavar: str, words: str, *names: str, rare: bool = False, **more: Any) -> Any:
-    """An option with a value, in a panel of the help, as `Annotated` takes it; `metavar` stands for the value.
-
-    Args:
-        words: its help.
-        names: on the command line, where they are not the parameter's.
-        rare: whether only --help-all lists it.
-        more: of typer.Option, as min, max, `callback`, which returns the value or raises typer.BadParameter, and
-            `autocompletion`, as `completes` makes it.
-    """
-    if "--out" in names or metavar == "DIR":
-        more["parser"] = _named
-    return typer.Option(*names, metavar=metavar, help=words, rich_help_panel=panel, hidden=rare, **more)
-
-
 def _named(text: str) -> Path:
     """An output's path; without a name, as of a variable that is empty, it would be the current folder."""
     if not str(text):
@@ -62,25 +36,68 @@ def _named(text: str) -> Path:
     return Path(text)
 
 
-def switch(panel: str, names: str, words: str, rare: bool = False) -> Any:
-    """An option without a value, likewise; its names are as in "--quiet -q" or "--report/--no-report"."""
-    return typer.Option(*names.split(), help=words, rich_help_panel=panel, hidden=rare)
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A panel of the help, and the options in it.
+
+    `words` are an option's help, `names` those on the command line, where they are not the parameter's; `rare` options
+    are listed by --help-all alone. `more` are of typer.Option, as min, max, `callback`, which returns the value or
+    raises typer.BadParameter, and `autocompletion`, as `completes` makes it.
+    """
+
+    title: str
+
+    def value(self, metavar: str, words: str, *names: str, rare: bool = False, **more: Any) -> Any:
+        """An option with a value, as `Annotated` takes it; `metavar` stands for the value."""
+        if "--out" in names or metavar == "DIR":
+            more["parser"] = _named
+        return typer.Option(*names, metavar=metavar, help=words, rich_help_panel=self.title, hidden=rare, **more)
+
+    def switch(self, names: str, words: str, rare: bool = False) -> Any:
+        """An option without a value, likewise; its names are as in "--quiet -q" or "--report/--no-report"."""
+        return typer.Option(*names.split(), help=words, rich_help_panel=self.title, hidden=rare)
+
+    def option(
+        self, metavar: str, words: str, default: Any = None, *names: str, shown: str | bool = True, **more: Any
+    ) -> Any:
+        """A default that is an option with a value: None for none, REQUIRED where it has to be given; `shown` is the
+        default in words where it is not the value."""
+        metadata = {_OPTION: self.value(metavar, words, *names, show_default=shown, **more)}
+        if isinstance(default, list):
+            return field(default_factory=lambda: list[Any](default), metadata=metadata)
+        return field(default=default, metadata=metadata)
+
+    def flag(self, names: str, words: str, default: bool = False, rare: bool = False) -> Any:
+        """A default that is an option without a value."""
+        return field(default=default, metadata={_OPTION: self.switch(names, words, rare)})
+
+    def length(self, words: str, without: str, *, shown: str | bool | None = None, **more: Any) -> Any:
+        """A default that is an option with a length above 0 [m]; `without` is what counts where it is not given, which
+        the help shows, unless `shown` says otherwise."""
+        wanted = "{} m; give a length above 0, or leave it out" + (f" for {without}" if without else "")
+        shown = without if shown is None else shown
+        return self.option("M", words, callback=checked(is_positive, wanted), shown=shown, **more)
+
+    def choice(self, words: str, names: Iterable[str], metavar: str = "NAME", **more: Any) -> Any:
+        """A default that is an option with one of several names, the first of them where it is not given."""
+        names = tuple(names)
+        wanted = f"{{!r}}; choose one of {', '.join(names)}, or leave it out for {names[0]}"
+        check = checked(names.__contains__, wanted)
+        return self.option(metavar, words, names[0], callback=check, autocompletion=completes(names), **more)
 
 
-def option(
-    panel: str, metavar: str, words: str, default: Any = None, *names: str, shown: str | bool = True, **more: Any
-) -> Any:
-    """A default that is an option with a value: `value_option`, with its default (None for none, REQUIRED where it has
-    to be given) and `shown`, the default in words where it is not the value."""
-    metadata = {_OPTION: value_option(panel, metavar, words, *names, show_default=shown, **more)}
-    if isinstance(default, list):
-        return field(default_factory=lambda: list[Any](default), metadata=metadata)
-    return field(default=default, metadata=metadata)
-
-
-def flag(panel: str, names: str, words: str, default: bool = False, rare: bool = False) -> Any:
-    """A default that is an option without a value: `switch`, with its default."""
-    return field(default=default, metadata={_OPTION: switch(panel, names, words, rare)})
+INPUT = Panel("Input")
+NAVIGATION = Panel("Navigation")
+SCENE = Panel("Scene")
+NOISE = Panel("Noise")
+REGISTRATION = Panel("Registration")
+EXPERIMENT = Panel("Experiment")
+OPTIMIZATION = Panel("Optimization")
+MEASUREMENT = Panel("Measurement")
+LOOPS = Panel("Loops and motion")
+EARTH = Panel("Place on the Earth")
+OUTPUT = Panel("Output")
+RUNNING = Panel("Running")
 
 
 def completes(names: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
@@ -204,22 +221,6 @@ def is_positive(number: float) -> bool:
     return 0 < number < math.inf
 
 
-def length(panel: str, words: str, without: str, *, shown: str | bool | None = None, **more: Any) -> Any:
-    """A field that is an option with a length above 0 [m]; `without` is what counts where it is not given, which the
-    help shows, unless `shown` says otherwise."""
-    wanted = "{} m; give a length above 0, or leave it out" + (f" for {without}" if without else "")
-    shown = without if shown is None else shown
-    return option(panel, "M", words, callback=checked(is_positive, wanted), shown=shown, **more)
-
-
-def choice(panel: str, words: str, names: Iterable[str], metavar: str = "NAME", **more: Any) -> Any:
-    """A field that is an option with one of several names, the first of them where it is not given."""
-    names = tuple(names)
-    wanted = f"{{!r}}; choose one of {', '.join(names)}, or leave it out for {names[0]}"
-    check = checked(names.__contains__, wanted)
-    return option(panel, metavar, words, names[0], callback=check, autocompletion=completes(names), **more)
-
-
 def _devices(incomplete: str) -> list[tuple[str, str]]:
     """What a shell completes: kinds, and the devices of this machine with their names."""
     from sonarmap.kernels.device.device import device_names
@@ -233,13 +234,12 @@ def _devices(incomplete: str) -> list[tuple[str, str]]:
 
 DeviceOption = Annotated[
     str | None,
-    value_option(
-        RUNNING,
+    RUNNING.value(
         "DEVICE",
         "OpenCL device: cpu, gpu, a part of its name, or platform:device as `sonarmap devices` lists them.",
         "--device",
         autocompletion=_devices,
     ),
 ]
-JsonOption = Annotated[bool, switch(RUNNING, "--json", "Print the result as JSON, without progress.")]
-QuietOption = Annotated[bool, switch(RUNNING, "--quiet -q", "Print nothing but warnings and errors.")]
+JsonOption = Annotated[bool, RUNNING.switch("--json", "Print the result as JSON, without progress.")]
+QuietOption = Annotated[bool, RUNNING.switch("--quiet -q", "Print nothing but warnings and errors.")]

@@ -4,25 +4,13 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import (
-    EARTH,
-    OUTPUT,
-    REQUIRED,
-    completes,
-    completes_list,
-    flag,
-    listed_in,
-    option,
-    refuse_without,
-    value_option,
-)
+from sonarmap.tools.command.option import EARTH, OUTPUT, REQUIRED, completes, completes_list, listed_in, refuse_without
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.files.writers.atomic import locked
@@ -36,8 +24,6 @@ if TYPE_CHECKING:
 
 _KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
 CELL = "two voxels, rounded up"  # to 1, 2 or 5 times a power of ten: where --cell is not given
-_output = partial(option, OUTPUT)
-_earth = partial(option, EARTH)
 
 
 def _check_formats(values: list[str] | None) -> list[str] | None:
@@ -50,8 +36,7 @@ def _check_formats(values: list[str] | None) -> list[str] | None:
 
 FormatsOption = Annotated[
     list[str],
-    value_option(
-        OUTPUT,
+    OUTPUT.value(
         "NAME",
         f"Formats, as laz,geotiff,kmz: {', '.join(FORMATS)}.",
         callback=_check_formats,
@@ -64,9 +49,9 @@ FormatsOption = Annotated[
 class MapOutput:
     """The folder, and what else is written to it."""
 
-    out: Path = _output("OUT", "Folder for the results.", REQUIRED, "-o", "--out")
-    report: bool = flag(
-        OUTPUT, "--report/--no-report", "Write report.html, the page that `sonarmap view OUT` opens.", True, rare=True
+    out: Path = OUTPUT.option("OUT", "Folder for the results.", REQUIRED, "-o", "--out")
+    report: bool = OUTPUT.flag(
+        "--report/--no-report", "Write report.html, the page that `sonarmap view OUT` opens.", True, rare=True
     )
     export: FormatsOption = field(default_factory=list[str])
 
@@ -110,25 +95,25 @@ def export_with_progress(folder: "Map", to: Path, settings: "ExportSettings", qu
 class EarthPlace:
     """Where the map's origin is, and the coordinates of exported files."""
 
-    origin: str | None = _earth(
+    origin: str | None = EARTH.option(
         "LAT,LON[,HEIGHT]",
         "The map's origin: WGS84 \\[deg], or EPSG:CODE:E,N[,HEIGHT]. Heights are above the vertical reference \\[m].",
         shown="as the map says",
     )
-    origin_heading: float | None = _earth(
+    origin_heading: float | None = EARTH.option(
         "DEG",
         "True heading of the x axis of a map without a heading of its own.",
         rare=True,
         shown="90, East",
     )
-    vertical: str | None = _earth(
+    vertical: str | None = EARTH.option(
         "NAME",
         "Vertical reference of heights: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008.",
         rare=True,
         shown="surface",
         autocompletion=completes(listed_in("sonarmap.tools.files.geo.georeference", "VERTICALS")),
     )
-    crs: str | None = _earth(
+    crs: str | None = EARTH.option(
         "CRS",
         "CRS of exported files, e.g. EPSG:25832; map: points and grids in the map's own frame.",
         rare=True,

@@ -1,26 +1,32 @@
-"""An overview of scans, read one by one: how many there are, of what size, when they were taken."""
+"""Overviews of scans, read one by one, and of logs of navigation, in words and as JSON."""
 
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import nan
+from math import isclose, nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
+from sonarmap.tools.command.terminal import print_rows, printable
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.checks import Clock, clock_of
+from sonarmap.tools.files.readers.checks import Clock, clock_of, utc
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
 from sonarmap.tools.files.readers.file import FORMATS, format_of
 from sonarmap.tools.files.readers.instruments import values_of
+from sonarmap.tools.files.readers.navigation.overview import LogOverview
 from sonarmap.tools.files.readers.pings.line_file import LineOverview, line_overview
 from sonarmap.tools.files.readers.scans import Progress, ScanEntry, files_of, read_entries, stamps_of
 from sonarmap.tools.files.readers.selection import select_files
 
 _MOST_NOTES = 20  # of single scans
+_MOST_LINES = 6  # of pings, on a screen
 Place = tuple[float, float, float]  # latitude, longitude [deg], height [m]
 
 
@@ -32,6 +38,7 @@ class Overview:
     kinds: tuple[str, ...]  # what the files are, in words, each kind once
     edge: int  # voxels along each edge of the grid
     names: list[str] = field(default_factory=list[str])  # of all scans, as a file of priors and `map` call them
+    stamps: list[float] = field(default_factory=list[float])  # of these [s]; numbers where not all of them have a time
     unread: list[str] = field(default_factory=list[str])  # why files or scans could not be read, in words
     counts: list[int] = field(default_factory=list[int])  # points of each scan
     extents: list[np.ndarray] = field(default_factory=list[np.ndarray])  # (3,) along x, y, z, without stray echoes [m]
@@ -141,8 +148,9 @@ def overview_of(
     if not overview.names:
         raise InputError(overview.unread[0])
     stamps, stamp_notes = stamps_of(own, are_clouds)
+    overview.stamps += np.array(stamps)[are_scans].tolist()
     if all(stamp is not None for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud):
-        overview.clock = clock_of(np.array(stamps)[are_scans])
+        overview.clock = clock_of(np.array(overview.stamps))
     if (more := len(overview.notes) - _MOST_NOTES) > 0:
         overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
     overview.notes[:0] = [*file_notes, *stamp_notes]
@@ -150,3 +158,196 @@ def overview_of(
         overview.notes.append(f"the lines are at {len(overview.sites)} sites, too far apart for one map")
     overview.lines += [line_overview(path) for path in dict.fromkeys(of_lines)]
     return overview
+
+
+def overview_json(overview: Overview, following: str | None, names: bool) -> dict[str, Any]:
+    """All of it as JSON; null for what is not known."""
+    clock, grid = overview.clock, overview.grid
+    return {
+        "files": overview.files,
+        "bytes": overview.size,
+        "kinds": overview.kinds,
+        "scans": len(overview.names),
+        "first": overview.names[0],
+        "last": overview.names[-1],
+        "points": dict(zip(("least", "median", "most"), overview.points, strict=True)),
+        "extent_m": np.median(overview.extents, axis=0),
+        "farthest_m": overview.farthest,
+        "clock": clock and _clock_json(clock),
+        "changed": overview.changed,
+        "strengths": overview.with_strength,
+        "viewpoints": overview.with_viewpoints,
+        "sound_speed_mps": (min(overview.speeds), max(overview.speeds)) if overview.speeds else None,
+        "attitudes": len(overview.attitudes),
+        "roll_pitch_deg": overview.attitude if overview.attitudes else None,
+        "lines": overview.lines,
+        "grid": grid and {"edge": grid.edge, "voxel": grid.voxel},
+        "notes": overview.notes,
+        "unread": overview.unread,
+        "next": following,
+        **({"names": overview.names} if names else {}),
+    }
+
+
+def print_overview(overview: Overview, following: str | None) -> None:
+    scans, (least, median, most) = len(overview.names), overview.points
+    x, y, z = np.median(overview.extents, axis=0)
+    files = overview.files[0].name if len(overview.files) == 1 else f"{len(overview.files):,} files"
+    span = overview.names[0] if scans == 1 else f"{overview.names[0]} to {overview.names[-1]}"
+    grid = overview.grid
+    rows = {
+        "files": f"{files}, {overview.size / 1e6:,.1f} MB: {', '.join(overview.kinds)}",
+        "scans": f"{scans:,}: {span}",
+        "points": f"{median:,.0f} per scan in the median, {least:,} to {most:,}",
+        "extent": f"{x:.3g} x {y:.3g} x {z:.3g} m in the median; the farthest point is at {overview.farthest:.3g} m",
+        **_times(overview),
+        **_lines(overview),
+        "strengths": _share(overview.with_strength, scans),
+        "sound speed": _sound_speed(overview),
+        "attitude": _attitude(overview),
+        "viewpoints": _share(overview.with_viewpoints, scans),
+        "grid": f"--grid {grid.edge} --voxel {grid.voxel:.3g}, as map chooses them" if grid else "scans without extent",
+    }
+    unread = counted(len(overview.unread), "file or scan", "files or scans")
+    unread = f"{counted(scans, 'scan')} can be read, {unread} cannot."
+    typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
+    print_rows(rows)
+    typer.echo(f"\nnext: {printable(following)}" if following else "\na map needs at least two scans")
+
+
+def _times(overview: Overview) -> dict[str, str]:
+    clock = overview.clock
+    if clock is None:
+        return {"time": "not recorded: the scans are numbered"}
+    changed = f"; the last file was changed at {utc(overview.changed)} UTC" if clock.is_set else ""
+    time = f"{_span_words(clock)}{changed}"
+    return {"time": time} if clock.steps == 0 else {"time": time, "rate": _rate_words(clock, "scans")}
+
+
+def _lines(overview: Overview) -> dict[str, str]:
+    """Of lines of pings, a few rows each of the first."""
+    rows: dict[str, str] = {}
+    for number, line in enumerate(overview.lines[:_MOST_LINES], 1):
+        roll, pitch, heading = (f"{mean:.1f} ± {swing:.1f}" for mean, swing in (line.roll, line.pitch, line.heading))
+        rejected = f", {100 * line.rejected / max(line.beams, 1):.1f} % rejected"
+        by = f" by {line.echo_sounder}" if line.echo_sounder else ""
+        rows[f"line {number}"] = (
+            f"{line.file}: {line.pings:,} pings, {line.beams:,} soundings{by}{rejected}; {line.length:,.1f} m in "
+            f"{line.seconds:,.0f} s ({line.speed:.1f} m/s); depth {line.depth[0]:,.1f} to {line.depth[2]:,.1f} m, "
+            f"swath {line.swath:,.1f} m; roll {roll}, pitch {pitch}, heading {heading} degrees"
+        )
+    if (more := len(overview.lines) - _MOST_LINES) > 0:
+        rows["more"] = f"{more} more lines; --json has all"
+    return rows
+
+
+def _share(count: int, scans: int) -> str:
+    return "none" if count == 0 else "all scans" if count == scans else f"{count:,} of {scans:,} scans"
+
+
+def _sound_speed(overview: Overview) -> str:
+    if not overview.speeds:
+        return "not recorded"
+    low, high = min(overview.speeds), max(overview.speeds)
+    return f"{low:.1f} m/s" if isclose(low, high) else f"changes, {low:.1f} to {high:.1f} m/s"
+
+
+def _attitude(overview: Overview) -> str:
+    if not overview.attitudes:
+        return "not recorded"
+    (roll, pitch), share = overview.attitude, _share(len(overview.attitudes), len(overview.names))
+    return (
+        f"{share}, by the recording's own IMU: in the median roll {roll:+.1f}, "
+        f"pitch {pitch:+.1f} degrees (starboard down, nose up)"
+    )
+
+
+def _clock_json(clock: Clock) -> dict[str, Any]:
+    """A clock as JSON has it."""
+    return {
+        "start": clock.start,
+        "end": clock.end,
+        "start_utc": utc(clock.start),
+        "end_utc": utc(clock.end),
+        "rate_hz": clock.rate,
+        "gaps": clock.gaps,
+        "longest_step_s": clock.longest,
+        "not_ascending": clock.backward,
+        "stands_still": clock.stands_still,
+    }
+
+
+def _span_words(clock: Clock) -> str:
+    """From when to when."""
+    lasts = f"{clock.end - clock.start:,.1f} s"
+    if clock.is_set:
+        return f"{utc(clock.start)} to {utc(clock.end)} UTC, {lasts}"
+    return f"{clock.start:.10g} to {clock.end:.10g} s, {lasts}; not UTC"
+
+
+def _rate_words(clock: Clock, what: str) -> str:
+    """How many a second, and where there are none; `what` they are, as "scans"."""
+    if clock.rate is None:
+        return "not known: the stamps stand still, or do not ascend"
+    gaps = "no gaps" if not clock.gaps else f"gaps: {clock.gaps:,}, the longest {clock.longest:.3g} s"
+    back = f"; {clock.backward:,} stamps are not later than the one before" if clock.backward else ""
+    return f"{clock.rate:.3g} {what} per second, {gaps}{back}"
+
+
+_UNITS = {"deg": "degrees", "m": "m"}
+_LISTED = 10  # lines of a log; --json has all
+
+
+def log_json(found: LogOverview, following: str) -> dict[str, Any]:
+    """All that is known of a log; null for what is not."""
+    track, place = found.track, found.log.georeference
+    return {
+        "log": str(found.path),
+        "bytes": found.path.stat().st_size,
+        "rows": len(found.log.lines),
+        "clock": found.clock and _clock_json(found.clock),
+        "columns": {
+            name: dict(zip(("rows", "least", "median", "most"), told, strict=True))
+            for name, told in found.ranges.items()
+        },
+        "origin_deg": place and [place.latitude, place.longitude],
+        "track_m": track and track[0],
+        "speed_mps": track and {"median": track[1], "most": track[2]},
+        "left_out": found.faults,
+        "scans": {"count": found.scans, "covered": found.covered, "apart": found.apart} if found.scans else None,
+        "notes": list(found.notes),
+        "next": following,
+    }
+
+
+def print_log(found: LogOverview, following: str) -> None:
+    """The same on a screen."""
+    rows = {
+        "log": f"{found.path.name}, {found.path.stat().st_size / 1e6:,.1f} MB, {counted(len(found.log.lines), 'row')}",
+        **_log_times(found.clock),
+    }
+    for name, (count, least, median, most) in found.ranges.items():
+        what, unit = name.rsplit("_", 1)
+        rows[what] = f"{least:.4g} to {most:.4g} {_UNITS[unit]}, {median:.4g} in the median; {counted(count, 'row')}"
+    if found.log.georeference is not None:
+        place = found.log.georeference
+        rows["origin"] = f"{place.latitude:.5f}, {place.longitude:.5f}: x and y count from there"
+    if found.track is not None:
+        way, median, most = found.track
+        rows["track"] = f"{way:,.1f} m, at {median:.2f} m/s in the median, {most:.2f} at most (noise counts)"
+    if found.scans:
+        covered = ", ".join(f"{name.rsplit('_', 1)[0]} {count:,}" for name, count in found.covered.items())
+        rows["scans"] = f"of {found.scans:,}: {covered or 'it says nothing'}"
+    rows["left out"] = counted(len(found.faults), "row") if found.faults else "no row"
+    print_rows(rows)
+    for fault in found.faults[:_LISTED]:
+        typer.echo(f"  line {fault.line}: {fault.kind}: {fault.reason}")
+    if len(found.faults) > _LISTED:
+        typer.echo(f"  and {len(found.faults) - _LISTED:,} more: --json has all")
+    typer.echo(f"\nnext: {printable(following)}")
+
+
+def _log_times(clock: Clock | None) -> dict[str, str]:
+    if clock is None:
+        return {"time": "none: its rows have the names of scans"}
+    return {"time": _span_words(clock), "rate": _rate_words(clock, "rows")}

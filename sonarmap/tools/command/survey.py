@@ -23,11 +23,8 @@ from sonarmap.tools.command.option import (
     RUNNING,
     checked,
     completes,
-    flag,
     is_positive,
-    length,
     listed_in,
-    option,
     refuse_without,
 )
 from sonarmap.tools.command.terminal import say, warn
@@ -45,8 +42,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.readers.corrections import Corrections
 
 _limit = partial(
-    option,
-    LOOPS,
+    LOOPS.option,
     rare=True,
     callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
     shown="learned",
@@ -57,8 +53,7 @@ _limit = partial(
 class SurveyOptions:
     """Loops, how fast the vehicle is, and the map's voxels."""
 
-    loops: int | None = option(
-        LOOPS,
+    loops: int | None = LOOPS.option(
         "N",
         "Loops to try per scan and round; 0 is none. There are two rounds, and more as long as they improve the poses.",
         shown="2",
@@ -71,8 +66,7 @@ class SurveyOptions:
     max_turn_rate: float | None = _limit(
         "DEG/S", "How fast it turns at most \\[deg/s]; for scans whose stamps are times."
     )
-    map_voxel: float | None = length(
-        OUTPUT,
+    map_voxel: float | None = OUTPUT.length(
         "Edge of the map's voxels \\[m], finer or coarser than those that scans are registered by.",
         "--voxel",
         rare=True,
@@ -100,18 +94,16 @@ class SurveyOptions:
 class TiesAndControl:
     """Pairs and points with a person's verdict or coordinates."""
 
-    ties: Path | None = option(
-        LOOPS,
+    ties: Path | None = LOOPS.option(
         "FILE",
         "CSV with pairs of scans to accept, reject or add: target, source, verdict (docs/ties.md).",
     )
-    control: Path | None = option(
-        EARTH,
+    control: Path | None = EARTH.option(
         "FILE",
         "CSV with points of known coordinates: name, scan, x_m, y_m, z_m and east_m, north_m, up_m or others "
         "(docs/ties.md).",
     )
-    control_crs: str | None = option(EARTH, "CRS", "CRS of the control file's coordinates, e.g. EPSG:25832.", rare=True)
+    control_crs: str | None = EARTH.option("CRS", "CRS of the control file's coordinates, e.g. EPSG:25832.", rare=True)
 
     def read_ties(self, scans: "Sequence[Scan]") -> "tuple[Tie, ...]":
         """What --ties says of pairs of the scans; none without it. Raises InputError: the file cannot be used."""
@@ -137,8 +129,6 @@ class TiesAndControl:
         return read.points, read.georeference
 
 
-_input = partial(option, INPUT)
-
 InputsArgument = Annotated[
     list[str],
     typer.Argument(
@@ -156,32 +146,32 @@ _CORRECTIONS = "sonarmap.tools.files.readers.corrections"
 class PointReading:
     """How the points of files are to be understood."""
 
-    sound_speed: float | None = _input(
+    sound_speed: float | None = INPUT.option(
         "M/S",
         "Correct speed of sound \\[m/s], for .sonar files: ranges are scaled from the recorded one.",
     )
-    range_scale: float | None = _input("F", "Multiply all ranges by F, in any format.", rare=True, shown="1")
-    frame: str | None = _input(
+    range_scale: float | None = INPUT.option("F", "Multiply all ranges by F, in any format.", rare=True, shown="1")
+    frame: str | None = INPUT.option(
         "NAME",
         "Axes of the points in the files: flu (forward, left, up), frd (forward, right, down), rdf (right, down, "
         "forward, as of cameras) or ned (North, East, Down, for scans that were leveled and turned North).",
         shown="flu",
         autocompletion=completes(listed_in(_CORRECTIONS, "FRAMES")),
     )
-    units: str | None = _input(
+    units: str | None = INPUT.option(
         "NAME",
         "Unit of the points in the files: m, cm, mm, ft or us-ft.",
         shown="m",
         autocompletion=completes(listed_in(_CORRECTIONS, "UNITS")),
     )
 
-    patch: float | None = _input(
+    patch: float | None = INPUT.option(
         "M",
         "Length of the patches into which lines of an echo sounder are cut \\[m].",
         shown="half the swath's width",
         rare=True,
     )
-    draught: float | None = _input(
+    draught: float | None = INPUT.option(
         "M",
         "Depth of the echo sounder's transducer \\[m], for files that do not have it, as many XTF files.",
         shown="0",
@@ -203,21 +193,20 @@ class PointReading:
 
 # Beside the journal: whoever holds the folder's lock may delete what a killed run left.
 SPOOL = f"{LEFTOVER_PREFIX}scans."
-_running = partial(option, RUNNING)
 
 
 @dataclass(frozen=True, slots=True)
 class ExecutionOptions:
     """Where pairs are registered: in this process, or in several."""
 
-    workers: int | None = _running(
+    workers: int | None = RUNNING.option(
         "N",
         "Processes that register pairs; the results are the same.",
         shown="1",
         min=1,
         max=MOST_WORKERS,
     )
-    fresh: bool = flag(RUNNING, "--fresh", "Discard the pairs of earlier runs in OUT/journal.sqlite.")
+    fresh: bool = RUNNING.flag("--fresh", "Discard the pairs of earlier runs in OUT/journal.sqlite.")
 
     @property
     def processes(self) -> int:

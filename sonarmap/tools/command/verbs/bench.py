@@ -2,14 +2,13 @@
 
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from sonarmap.tools.command.method import check_seed
-from sonarmap.tools.command.option import MEASUREMENT, OUTPUT, DeviceOption, JsonOption, flag, option
+from sonarmap.tools.command.option import MEASUREMENT, OUTPUT, DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import print_json, say
 
@@ -18,22 +17,21 @@ if TYPE_CHECKING:
 
 DEFAULT_EDGES = (64, 128, 256)
 UNRELIABLE = 3
-_measure = partial(option, MEASUREMENT)
 
 
 def command(
-    grid: list[int] | None = _measure(
+    grid: list[int] | None = MEASUREMENT.option(
         "N", "Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.", shown="64, 128 and 256"
     ),
-    repeats: int = _measure("R", "Number of timed runs of each kernel.", 15, min=1),
-    pairs: int = _measure("P", "Simulated pairs to register; 0 is none.", 20, min=0),
-    kernels: bool = flag(MEASUREMENT, "--kernels/--no-kernels", "Time the kernels.", True, rare=True),
-    survey: int = _measure(
+    repeats: int = MEASUREMENT.option("R", "Number of timed runs of each kernel.", 15, min=1),
+    pairs: int = MEASUREMENT.option("P", "Simulated pairs to register; 0 is none.", 20, min=0),
+    kernels: bool = MEASUREMENT.flag("--kernels/--no-kernels", "Time the kernels.", True, rare=True),
+    survey: int = MEASUREMENT.option(
         "N", "Also map a simulated survey of N scans. It goes from files to files; 0 is none.", 0, min=0
     ),
-    out: Path | None = option(OUTPUT, "FILE", "Also write the result as JSON: one file to send.", None, "-o", "--out"),
+    out: Path | None = OUTPUT.option("FILE", "Also write the result as JSON: one file to send.", None, "-o", "--out"),
     device: DeviceOption = None,
-    seed: int = _measure(
+    seed: int = MEASUREMENT.option(
         "S", "Seed of the pairs. The same seed gives the same pairs.", 0, rare=True, callback=check_seed
     ),
     as_json: JsonOption = False,

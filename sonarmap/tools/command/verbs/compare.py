@@ -10,16 +10,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import MethodOptions, ViewOptions, configure_method
-from sonarmap.tools.command.option import (
-    INPUT,
-    OUTPUT,
-    REQUIRED,
-    JsonOption,
-    QuietOption,
-    flag,
-    length,
-    option,
-)
+from sonarmap.tools.command.option import INPUT, OUTPUT, REQUIRED, JsonOption, QuietOption
 from sonarmap.tools.command.output import SAME_FRAME, EarthPlace, open_map
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
@@ -43,15 +34,14 @@ def command(
     new: Annotated[
         Path | None, typer.Argument(help="The folder of the later map, or a point cloud.", metavar="NEW")
     ] = None,
-    out: Path = option(OUTPUT, "OUT", "Folder for the results.", REQUIRED, "-o", "--out"),
-    same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME),
-    surveys: bool = flag(INPUT, "--surveys", "Compare the surveys of OLD in pairs; give no NEW."),
-    reach: float | None = length(INPUT, "Search distance along the old surface's normal \\[m].", "four voxels"),
-    bound: float | None = length(
-        INPUT, "Largest level of detection of a place called unchanged \\[m].", "two voxels", rare=True
+    out: Path = OUTPUT.option("OUT", "Folder for the results.", REQUIRED, "-o", "--out"),
+    same_frame: bool = INPUT.flag("--same-frame", SAME_FRAME),
+    surveys: bool = INPUT.flag("--surveys", "Compare the surveys of OLD in pairs; give no NEW."),
+    reach: float | None = INPUT.length("Search distance along the old surface's normal \\[m].", "four voxels"),
+    bound: float | None = INPUT.length(
+        "Largest level of detection of a place called unchanged \\[m].", "two voxels", rare=True
     ),
-    cloud_sigma: float | None = length(
-        INPUT,
+    cloud_sigma: float | None = INPUT.length(
         "Standard deviation of a coordinate of the point cloud \\[m].",
         "",
         shown="what its scatter says",

@@ -7,7 +7,7 @@ import typer
 
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.tools.command.failures import MISUSE
-from sonarmap.tools.command.option import RUNNING, DeviceOption, JsonOption, switch
+from sonarmap.tools.command.option import RUNNING, DeviceOption, JsonOption
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say
 
 _SHOWN = 32  # grids whose edge is a multiple of this are shown
@@ -15,7 +15,7 @@ _SHOWN = 32  # grids whose edge is a multiple of this are shown
 
 def command(
     device: DeviceOption = None,
-    test: Annotated[bool, switch(RUNNING, "--test", "Run all self-tests, even those done before.")] = False,
+    test: Annotated[bool, RUNNING.switch("--test", "Run all self-tests, even those done before.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the OpenCL devices, try each, and mark the one that would be used.

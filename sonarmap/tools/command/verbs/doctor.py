@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.option import RUNNING, JsonOption, switch
+from sonarmap.tools.command.option import RUNNING, JsonOption
 
 
 def command(
@@ -13,7 +13,7 @@ def command(
         Path, typer.Argument(metavar="[OUT]", help="The folder that results are to go to.", show_default=False)
     ] = Path(),
     quick: Annotated[
-        bool, switch(RUNNING, "--quick", "Load no library, and run no self-test; takes about a second.")
+        bool, RUNNING.switch("--quick", "Load no library, and run no self-test; takes about a second.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -10,15 +10,7 @@ import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import (
-    INPUT,
-    MEASUREMENT,
-    JsonOption,
-    checked,
-    choice,
-    is_positive,
-    option,
-)
+from sonarmap.tools.command.option import INPUT, MEASUREMENT, JsonOption, checked, is_positive
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
 
 if TYPE_CHECKING:
@@ -44,8 +36,7 @@ _SHARES = {"precision": "precision", "recall": "recall"} | {
 }
 
 
-_input = partial(option, INPUT)
-_limit = partial(option, MEASUREMENT, callback=checked(lambda limit: limit >= 0, "{}; give 0 or more"))
+_limit = partial(MEASUREMENT.option, callback=checked(lambda limit: limit >= 0, "{}; give 0 or more"))
 
 
 def command(
@@ -56,8 +47,7 @@ def command(
             help="True trajectory, in the same format. For several dives, one file per dive.", metavar="TRUTH..."
         ),
     ],
-    align: str = choice(
-        MEASUREMENT,
+    align: str = MEASUREMENT.choice(
         "Align by poses, positions or first. poses are all positions and orientations, positions these alone, first "
         "the first pose.",
         ALIGNMENTS,
@@ -65,18 +55,18 @@ def command(
     ),
     max_error_m: float | None = _limit("M", "Exit with 3 beyond this position error \\[m]."),
     max_error_deg: float | None = _limit("DEG", "Exit with 3 beyond this rotation error \\[deg]."),
-    map: Path | None = _input("FILE", "The estimate's map, to compare with --surface."),
-    surface: Path | None = _input(
+    map: Path | None = INPUT.option("FILE", "The estimate's map, to compare with --surface."),
+    surface: Path | None = INPUT.option(
         "PATH",
         "The true surface, in the truth's frame. It is a simulation's folder or description.json, or a point cloud.",
     ),
-    voxel: float | None = _input(
+    voxel: float | None = INPUT.option(
         "M",
         "Edge of the map's voxels \\[m].",
         callback=checked(is_positive, "{}; give a length above 0"),
         shown="from --summary",
     ),
-    summary: Path | None = _input("FILE", "The map's summary.json, to score pairs and sigmas."),
+    summary: Path | None = INPUT.option("FILE", "The map's summary.json, to score pairs and sigmas."),
     as_json: JsonOption = False,
 ) -> None:
     """Compare an estimated trajectory with the true one: the error of every pose, of the whole trajectory (ATE) and of

@@ -2,28 +2,16 @@
 
 import re
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.option import (
-    OUTPUT,
-    REQUIRED,
-    JsonOption,
-    QuietOption,
-    choice,
-    length,
-    option,
-)
+from sonarmap.tools.command.option import OUTPUT, REQUIRED, JsonOption, QuietOption
 from sonarmap.tools.command.output import CELL, EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.terminal import print_json, printable
 from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import HEIGHTS
-
-_output = partial(option, OUTPUT)
-
 
 _RANGE = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?", re.ASCII)
 _MOST_SCANS = 1_000_000  # in --scan-numbers
@@ -51,24 +39,22 @@ def _numbers_of(text: str) -> tuple[int, ...]:
 class ExportedFiles:
     """Which files are written, and where."""
 
-    out: Path = _output("OUT", "Folder for the files; it may be MAP itself.", REQUIRED, "-o", "--out")
+    out: Path = OUTPUT.option("OUT", "Folder for the files; it may be MAP itself.", REQUIRED, "-o", "--out")
     format: FormatsOption
-    cell: float | None = length(OUTPUT, "Edge of a grid's cell \\[m].", CELL)
-    height: str = choice(
-        OUTPUT,
+    cell: float | None = OUTPUT.length("Edge of a grid's cell \\[m].", CELL)
+    height: str = OUTPUT.choice(
         "Height of a cell: top, mean or shoalest. top is the mean of its uppermost surface.",
         HEIGHTS,
     )
-    points: str = choice(
-        OUTPUT,
+    points: str = OUTPUT.choice(
         "In files of points: map, or all. map has one for each voxel; all has every point of every scan, in place, "
         "from the scans that the map was made of. Files of points are laz, copc, e57 and xyz.",
         ("map", "all"),
     )
-    scan_numbers: str | None = _output(
+    scan_numbers: str | None = OUTPUT.option(
         "NUMBERS", "Export every point of these scans, e.g. 3,7-12.", callback=_check_scans, rare=True
     )
-    scans_from: list[str] = _output(
+    scans_from: list[str] = OUTPUT.option(
         "PATH", "Where the scans are now; may be repeated.", [], shown="where `map` read them", rare=True
     )
 

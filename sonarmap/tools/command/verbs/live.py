@@ -6,7 +6,6 @@ import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Annotated
@@ -17,17 +16,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import discard
 from sonarmap.tools.command.method import MethodOptions, require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
-from sonarmap.tools.command.option import (
-    INPUT,
-    NAVIGATION,
-    OUTPUT,
-    RUNNING,
-    JsonOption,
-    QuietOption,
-    flag,
-    given,
-    option,
-)
+from sonarmap.tools.command.option import INPUT, NAVIGATION, OUTPUT, RUNNING, JsonOption, QuietOption, given
 from sonarmap.tools.command.output import EarthPlace, MapOutput
 from sonarmap.tools.command.progress import status_line
 from sonarmap.tools.command.survey import ExecutionOptions, PointReading, SurveyOptions, TiesAndControl
@@ -40,7 +29,6 @@ if TYPE_CHECKING:
     from sonarmap.tools.command.live.recording import RecordingProcess
 
 NOTHING_CAME = 3
-_running = partial(option, RUNNING)
 
 SourceArgument = Annotated[
     list[str] | None,
@@ -57,26 +45,27 @@ SourceArgument = Annotated[
 class LiveOptions:
     """How a dive is shown, and what ends it."""
 
-    replay: float | None = option(
-        INPUT, "F", "Replay finished scans faster than real time by this factor. 0 is as fast as possible.", min=0.0
+    replay: float | None = INPUT.option(
+        "F", "Replay finished scans faster than real time by this factor. 0 is as fast as possible.", min=0.0
     )
-    onto: Path | None = option(INPUT, "MAP", "Locate the vehicle in a finished map, and show both.")
-    nmea: str | None = option(
-        NAVIGATION,
+    onto: Path | None = INPUT.option("MAP", "Locate the vehicle in a finished map, and show both.")
+    nmea: str | None = NAVIGATION.option(
         "PORT|DEVICE",
         "Receive NMEA at a UDP port of this computer, at HOST:PORT (0.0.0.0:10110 also from other computers), or "
         "from a serial device. Sentences are saved to OUT/navigation.nmea and used as --priors.",
     )
-    browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
-    port: int = _running("PORT", "TCP port of the web page.", 0, shown="any that is free", min=0, max=65535, rare=True)
-    bind: str = _running(
+    browser: bool = RUNNING.flag("--browser/--no-browser", "Open the page in the browser.", True)
+    port: int = RUNNING.option(
+        "PORT", "TCP port of the web page.", 0, shown="any that is free", min=0, max=65535, rare=True
+    )
+    bind: str = RUNNING.option(
         "ADDRESS",
         "Serve the page on this address, 0.0.0.0 for all, so that other computers can open it. Its URL then contains a "
         "token.",
         "127.0.0.1",
         rare=True,
     )
-    finish: bool = flag(OUTPUT, "--finish/--no-finish", "Make the map as `sonarmap map` does when the dive ends.", True)
+    finish: bool = OUTPUT.flag("--finish/--no-finish", "Make the map as `sonarmap map` does when the dive ends.", True)
 
 
 def command(

@@ -11,15 +11,7 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import ViewOptions, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.option import (
-    INPUT,
-    OUTPUT,
-    JsonOption,
-    QuietOption,
-    checked,
-    flag,
-    option,
-)
+from sonarmap.tools.command.option import INPUT, OUTPUT, JsonOption, QuietOption, checked
 from sonarmap.tools.command.output import EarthPlace, open_map
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.survey import InputsArgument, PointReading
@@ -41,8 +33,7 @@ def command(
     reading: NavigationReading,
     earth: EarthPlace,
     view: ViewOptions,
-    out: Path | None = option(
-        OUTPUT,
+    out: Path | None = OUTPUT.option(
         "FILE.tum",
         "Write the located scans' poses in the map's frame.",
         None,
@@ -51,7 +42,7 @@ def command(
             lambda path: path.suffix.lower() == ".tum", "{}; give a name that ends in .tum, as in -o track.tum"
         ),
     ),
-    alone: bool = flag(INPUT, "--alone", "Locate each scan independently instead of as a track."),
+    alone: bool = INPUT.flag("--alone", "Locate each scan independently instead of as a track."),
     imu: ImuOption = True,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

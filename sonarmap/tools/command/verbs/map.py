@@ -36,15 +36,7 @@ from sonarmap.tools.command.navigation import (
     scans_with_priors,
     with_mistake,
 )
-from sonarmap.tools.command.option import (
-    NAVIGATION,
-    RUNNING,
-    JsonOption,
-    QuietOption,
-    given,
-    refuse_without,
-    switch,
-)
+from sonarmap.tools.command.option import NAVIGATION, RUNNING, JsonOption, QuietOption, given, refuse_without
 from sonarmap.tools.command.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.survey import (
@@ -75,8 +67,7 @@ INCOMPLETE = 3
 
 CheckOption = Annotated[
     bool,
-    switch(
-        NAVIGATION,
+    NAVIGATION.switch(
         "--check-priors/--no-check-priors",
         "Stop if the scans contradict the navigation, for example by swapped columns.",
         rare=True,
@@ -84,14 +75,13 @@ CheckOption = Annotated[
 ]
 PatchTestOption = Annotated[
     bool,
-    switch(
-        NAVIGATION,
+    NAVIGATION.switch(
         "--patch-test/--no-patch-test",
         "Estimate latency and mounting-angle biases from overlapping lines, and correct for them.",
         rare=True,
     ),
 ]
-VerboseOption = Annotated[bool, switch(RUNNING, "--verbose -v", "Print the table of pairs and all warnings too.")]
+VerboseOption = Annotated[bool, RUNNING.switch("--verbose -v", "Print the table of pairs and all warnings too.")]
 
 
 @dataclass(frozen=True, slots=True)

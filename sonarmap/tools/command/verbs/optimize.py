@@ -2,7 +2,6 @@
 
 import math
 import time
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -13,16 +12,7 @@ from rich.text import Text
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
-from sonarmap.tools.command.option import (
-    OPTIMIZATION,
-    OUTPUT,
-    REQUIRED,
-    JsonOption,
-    QuietOption,
-    choice,
-    flag,
-    option,
-)
+from sonarmap.tools.command.option import OPTIMIZATION, OUTPUT, REQUIRED, JsonOption, QuietOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, result_console, warn
 
@@ -35,30 +25,27 @@ MOST_REPAIRED, MOST_REJECTED = 10, 20  # edges that the warnings and the table l
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
 
 
-_flag = partial(flag, OPTIMIZATION)
-
-
 def command(
     source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
-    out: Path = option(OUTPUT, "OUT.g2o", "The optimized pose graph.", REQUIRED, "-o", "--out"),
-    objective: str = choice(
-        OPTIMIZATION,
+    out: Path = OUTPUT.option("OUT.g2o", "The optimized pose graph.", REQUIRED, "-o", "--out"),
+    objective: str = OPTIMIZATION.choice(
         "full or isotropic. full: the whole information matrix of every edge; isotropic: one weight for the rotation "
         "and one for the translation of an edge, so that the optimum can be certified.",
         OBJECTIVES,
     ),
-    start: str = choice(
-        OPTIMIZATION,
+    start: str = OPTIMIZATION.choice(
         "Initial poses. chordal: computed from the edges alone; given: the poses in the file.",
         STARTS,
     ),
-    robust: bool = _flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o."),
-    repair: bool = _flag(
+    robust: bool = OPTIMIZATION.flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o."),
+    repair: bool = OPTIMIZATION.flag(
         "--repair",
         "Make all information matrices positive definite. Says which were not: eigenvalues below a millionth of the "
         "largest are raised to it. OUT.g2o holds the repaired ones.",
     ),
-    both: bool = _flag("--both", "Also solve the other objective. Prints how far its solution is from this one."),
+    both: bool = OPTIMIZATION.flag(
+        "--both", "Also solve the other objective. Prints how far its solution is from this one."
+    ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

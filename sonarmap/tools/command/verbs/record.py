@@ -5,7 +5,6 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from ipaddress import AddressValueError, IPv4Address
 from pathlib import Path
 from threading import Event, Timer
@@ -14,18 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import (
-    INPUT,
-    OUTPUT,
-    REQUIRED,
-    RUNNING,
-    JsonOption,
-    QuietOption,
-    checked,
-    flag,
-    option,
-    refused_by,
-)
+from sonarmap.tools.command.option import INPUT, OUTPUT, REQUIRED, RUNNING, JsonOption, QuietOption, checked, refused_by
 from sonarmap.tools.command.progress import status_line
 from sonarmap.tools.command.terminal import print_json, printable, say, warn
 
@@ -50,30 +38,26 @@ def _require_address(text: str) -> None:
         raise InputError(f"{text!r}; give an IPv4 address, as in --sonar 192.168.194.96.") from error
 
 
-_input = partial(option, INPUT)
-
-
 @dataclass(frozen=True, slots=True)
 class Listening:
     """Where packets come in, and for how long."""
 
-    multicast: str | None = _input("GROUP:PORT", "Multicast group to listen to.", shown="224.0.0.96:4747")
-    unicast: str | None = _input(
+    multicast: str | None = INPUT.option("GROUP:PORT", "Multicast group to listen to.", shown="224.0.0.96:4747")
+    unicast: str | None = INPUT.option(
         "ADDRESS:PORT",
         "For a sonar that sends to this computer alone: an address of this computer, or 0.0.0.0 for all, and the port "
         "in the sonar's settings.",
     )
-    interface: str | None = _input(
+    interface: str | None = INPUT.option(
         "NAME", "Network interface to listen at, by its name or address.", rare=True, shown="all"
     )
-    sonar: str | None = _input(
+    sonar: str | None = INPUT.option(
         "ADDRESS",
         "Address of the sonar to record.",
         callback=refused_by(_require_address),
         shown="the first that sends",
     )
-    duration: str | None = option(
-        RUNNING,
+    duration: str | None = RUNNING.option(
         "TIME",
         "End after so long: 90 (s), 10m, 1.5h.",
         callback=checked(
@@ -103,8 +87,8 @@ class Listening:
 
 def command(
     listening: Listening,
-    out: Path = option(OUTPUT, "FILE.sonar", "The recording.", REQUIRED, "-o", "--out"),
-    overwrite: bool = flag(OUTPUT, "--overwrite", "Replace FILE.sonar if it is there."),
+    out: Path = OUTPUT.option("FILE.sonar", "The recording.", REQUIRED, "-o", "--out"),
+    overwrite: bool = OUTPUT.flag("--overwrite", "Replace FILE.sonar if it is there."),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

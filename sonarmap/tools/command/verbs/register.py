@@ -14,7 +14,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.method import ConfiguredMethod, MethodOptions, configure_method, require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.option import OUTPUT, JsonOption, refused_by, value_option
+from sonarmap.tools.command.option import OUTPUT, JsonOption, refused_by
 from sonarmap.tools.command.survey import PointReading
 from sonarmap.tools.command.terminal import print_json, print_rows, printable, result_console, say, warn
 
@@ -35,8 +35,7 @@ def _require_points_suffix(path: Path) -> None:
 
 MovedOption = Annotated[
     Path | None,
-    value_option(
-        OUTPUT,
+    OUTPUT.value(
         "FILE",
         "Write the moved scan as PLY: the source's points in the target's frame. "
         "Nothing is written if the registration is not reliable.",

@@ -23,8 +23,6 @@ from sonarmap.tools.command.option import (
     checked,
     completes,
     completes_list,
-    flag,
-    option,
     refused_by,
 )
 from sonarmap.tools.command.progress import progress
@@ -41,8 +39,7 @@ if TYPE_CHECKING:
 _NAMES = "; ".join(f"{name} ({entry.shows})" for name, entry in EXPERIMENTS.items())
 # Steps and noise of the experiments fit the paper's 256 m and are too large for a small scene.
 SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
-_experiment = partial(option, EXPERIMENT)
-_rare = partial(_experiment, rare=True)
+_rare = partial(EXPERIMENT.option, rare=True)
 
 NameArgument = Annotated[
     str,
@@ -67,8 +64,7 @@ FolderArgument = Annotated[
 class ExperimentOptions:
     """What is asked of the experiments; None leaves it to each. The names are those of `Request`."""
 
-    quick: bool = flag(
-        EXPERIMENT,
+    quick: bool = EXPERIMENT.flag(
         "--quick",
         "Take at most a minute for each experiment. There are fewer scenes, seeds, pairs and voxels, unless given.",
     )
@@ -99,13 +95,13 @@ class ExperimentOptions:
     seed: int | None = _rare(
         "S", "The first seed, or the seed of the pairs; the same seed gives the same results.", callback=check_seed
     )
-    method: list[str] | None = _experiment(
+    method: list[str] | None = EXPERIMENT.option(
         "NAME",
         f"A method to evaluate; may be repeated. Methods: {', '.join(METHODS)}.",
         callback=refused_by(lambda names: [find_method(name) for name in names]),
         autocompletion=completes(METHODS),
     )
-    grid: int | None = _experiment(
+    grid: int | None = EXPERIMENT.option(
         "N", "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.", shown="the experiment's"
     )
     voxel: VoxelOption = None
@@ -121,8 +117,8 @@ class ExperimentOptions:
         "attitude,heading,depth,position, or some of them (to 1.5 deg, 3 deg, 0.15 m, 3 m).",
         autocompletion=completes_list(INSTRUMENTS),
     )
-    write: bool = flag(
-        EXPERIMENT, "--write", "For confidence: store what was fitted in the package, which uses it from then on."
+    write: bool = EXPERIMENT.flag(
+        "--write", "For confidence: store what was fitted in the package, which uses it from then on."
     )
 
 
@@ -130,17 +126,16 @@ class ExperimentOptions:
 class ExperimentRun:
     """Where results go, and who makes them."""
 
-    out: Path = option(
-        OUTPUT,
+    out: Path = OUTPUT.option(
         "OUT",
         "Folder for the results. A stopped run continues from what is there.",
         Path("reproduction"),
         "-o",
         "--out",
     )
-    fresh: bool = flag(RUNNING, "--fresh", "Run all jobs again, finished ones too.")
-    workers: int = option(
-        RUNNING, "N", "Processes that share the jobs. The results are the same.", 1, min=1, max=MOST_WORKERS
+    fresh: bool = RUNNING.flag("--fresh", "Run all jobs again, finished ones too.")
+    workers: int = RUNNING.option(
+        "N", "Processes that share the jobs. The results are the same.", 1, min=1, max=MOST_WORKERS
     )
 
 

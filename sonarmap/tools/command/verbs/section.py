@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,25 +9,13 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import (
-    INPUT,
-    OUTPUT,
-    REQUIRED,
-    JsonOption,
-    QuietOption,
-    checked,
-    flag,
-    is_positive,
-    length,
-    option,
-)
+from sonarmap.tools.command.option import INPUT, OUTPUT, REQUIRED, JsonOption, QuietOption, checked, is_positive
 from sonarmap.tools.command.output import CELL, EarthPlace, open_map
 from sonarmap.tools.command.terminal import print_json, print_result, say
 
 if TYPE_CHECKING:
     from sonarmap.tools.products.section import Coordinates, PlacedMap
 
-_input = partial(option, INPUT)
 _VOXELS = 2  # to either side, where --width is not given
 
 
@@ -36,23 +23,22 @@ _VOXELS = 2  # to either side, where --width is not given
 class Line:
     """Where the map is cut, and how thick the cut is."""
 
-    start: str = _input("X,Y", "Where the line begins, in the map's frame \\[m].", REQUIRED, "--from")
-    end: str = _input("X,Y", "Where it ends.", REQUIRED, "--to")
-    world: bool = flag(INPUT, "--world", "The places are easting, northing of the map's CRS. --crs is another one.")
-    degrees: bool = flag(INPUT, "--degrees", "The places are latitude, longitude, WGS84.")
-    width: float | None = length(INPUT, "How far to either side of the line points count \\[m].", "two voxels")
+    start: str = INPUT.option("X,Y", "Where the line begins, in the map's frame \\[m].", REQUIRED, "--from")
+    end: str = INPUT.option("X,Y", "Where it ends.", REQUIRED, "--to")
+    world: bool = INPUT.flag("--world", "The places are easting, northing of the map's CRS. --crs is another one.")
+    degrees: bool = INPUT.flag("--degrees", "The places are latitude, longitude, WGS84.")
+    width: float | None = INPUT.length("How far to either side of the line points count \\[m].", "two voxels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SectionFiles:
     """What is written."""
 
-    out: Path = option(
-        OUTPUT, "FILE", "NAME.png: picture and tables; NAME.csv: the tables alone.", REQUIRED, "-o", "--out"
+    out: Path = OUTPUT.option(
+        "FILE", "NAME.png: picture and tables; NAME.csv: the tables alone.", REQUIRED, "-o", "--out"
     )
-    cell: float | None = length(OUTPUT, "Length of a cell of the profile \\[m].", CELL)
-    exaggeration: float = option(
-        OUTPUT,
+    cell: float | None = OUTPUT.length("Length of a cell of the profile \\[m].", CELL)
+    exaggeration: float = OUTPUT.option(
         "F",
         "Stretch heights in the picture by this factor.",
         1.0,

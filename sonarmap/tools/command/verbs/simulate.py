@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,8 +21,6 @@ from sonarmap.tools.command.option import (
     completes,
     completes_list,
     given,
-    option,
-    value_option,
 )
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable
@@ -40,58 +37,57 @@ def _listed(kinds: dict[str, str]) -> str:
     return f"{', '.join(kinds)}. " + "; ".join(f"{name}: {summary}" for name, summary in kinds.items())
 
 
-_scene, _noise, _nav = partial(option, SCENE), partial(option, NOISE), partial(option, NAVIGATION)
-
-
 @dataclass(frozen=True, slots=True)
 class SimulatedScans:
     """What is simulated; None leaves the default."""
 
-    scene: str | None = _scene(
+    scene: str | None = SCENE.option(
         "NAME",
         f"{_listed({name: kind.summary for name, kind in SCENE_KINDS.items()})}.",
         shown=DEFAULT_SCENE,
         autocompletion=completes(SCENE_KINDS),
     )
-    trajectory: str | None = _scene(
+    trajectory: str | None = SCENE.option(
         "NAME",
         f"{_listed(dict(TRAJECTORY_KINDS))}.",
         shown=DEFAULT_TRAJECTORY,
         autocompletion=completes(TRAJECTORY_KINDS),
     )
-    scans: int | None = _scene("N", "Number of scans.", shown="survey 12, lawnmower 200", min=1)
-    spacing: float | None = _scene(
+    scans: int | None = SCENE.option("N", "Number of scans.", shown="survey 12, lawnmower 200", min=1)
+    spacing: float | None = SCENE.option(
         "M", "Distance between scans \\[m]. It is for a survey or lawnmower.", shown="suits the scene"
     )
-    sensor: str | None = _scene(
+    sensor: str | None = SCENE.option(
         "NAME",
         f"{', '.join(SENSOR_NAMES)}; table1 has its own sensor.",
         rare=True,
         shown="suits the scene",
         autocompletion=completes(SENSOR_NAMES),
     )
-    dive: int | None = _scene(
+    dive: int | None = SCENE.option(
         "N",
         "Another pass over the same scene, from another start, with other waves and noise: 2, 3, ...",
         rare=True,
         shown="1",
     )
-    like: Path | None = _scene(
+    like: Path | None = SCENE.option(
         "FILE",
         "Simulate the scans of a description.json again; noise, threshold, dive and number can be changed.",
         rare=True,
     )
-    seed: int | None = _scene("S", "The same seed gives the same scans.", callback=check_seed, shown=str(DEFAULT_SEED))
+    seed: int | None = SCENE.option(
+        "S", "The same seed gives the same scans.", callback=check_seed, shown=str(DEFAULT_SEED)
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class EchoNoise:
     """What is wrong with the echoes; None leaves what suits the sensor."""
 
-    sigma2: float | None = _noise("V", "Variance of range noise \\[m^2]. It is that at the largest range.")
-    outliers: float | None = _noise("P", "Share of false echoes, 0..1.")
-    dropouts: float | None = _noise("P", "Share of lost echoes, 0..1.")
-    settings: list[str] = _noise(
+    sigma2: float | None = NOISE.option("V", "Variance of range noise \\[m^2]. It is that at the largest range.")
+    outliers: float | None = NOISE.option("P", "Share of false echoes, 0..1.")
+    dropouts: float | None = NOISE.option("P", "Share of lost echoes, 0..1.")
+    settings: list[str] = NOISE.option(
         "KEY=VALUE",
         "Set another field of the settings, as noise.lobe=1 or sweep=0.8; may be repeated (docs/simulation.md).",
         [],
@@ -104,22 +100,22 @@ class EchoNoise:
 class SimulatedNavigation:
     """What instruments and dead reckoning say."""
 
-    priors: str | None = _nav(
+    priors: str | None = NAVIGATION.option(
         "KINDS",
         "Also write priors.csv, what these instruments would measure: attitude,heading,depth,position, some of them, "
         "or all.",
         autocompletion=completes_list(INSTRUMENTS),
     )
-    fix_every: int | None = _nav(
+    fix_every: int | None = NAVIGATION.option(
         "N", "With --priors position: only every N-th scan has a position.", rare=True, shown="1", min=1, max=MOST
     )
-    fix_outliers: float | None = _nav(
+    fix_outliers: float | None = NAVIGATION.option(
         "P", "With --priors position: share that is 20 m off, 0..1.", rare=True, shown="0", min=0, max=1
     )
-    fix_sigma: float | None = _nav(
+    fix_sigma: float | None = NAVIGATION.option(
         "M", "With --priors position: its standard deviation, East and North \\[m].", rare=True, shown="3"
     )
-    odometry_drift: str | None = _nav(
+    odometry_drift: str | None = NAVIGATION.option(
         "P,D",
         "Also write odometry.tum, dead reckoning. It drifts by P percent of the distance \\[%] and D degrees per "
         "hour \\[deg/h].",
@@ -158,7 +154,7 @@ class SimulatedNavigation:
 
 
 def command(
-    out: Annotated[Path, value_option(OUTPUT, "DIR", "Folder for the scans.", "-o", "--out")],
+    out: Annotated[Path, OUTPUT.value("DIR", "Folder for the scans.", "-o", "--out")],
     scans: SimulatedScans,
     noise: EchoNoise,
     navigation: SimulatedNavigation,

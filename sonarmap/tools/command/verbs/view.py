@@ -7,17 +7,15 @@ from typing import Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import RUNNING, switch
+from sonarmap.tools.command.option import RUNNING
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.files.writers.atomic import locked
 
 
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
-    rebuild: Annotated[
-        bool, switch(RUNNING, "--rebuild", "Make the report again first, from the map's files.")
-    ] = False,
-    show: Annotated[bool, switch(RUNNING, "--open/--no-open", "Open the report in the browser.")] = True,
+    rebuild: Annotated[bool, RUNNING.switch("--rebuild", "Make the report again first, from the map's files.")] = False,
+    show: Annotated[bool, RUNNING.switch("--open/--no-open", "Open the report in the browser.")] = True,
 ) -> None:
     """Open a finished map's report, MAP/report.html, in the browser.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import INPUT, JsonOption, QuietOption, checked, choice, flag, length, option
+from sonarmap.tools.command.option import INPUT, JsonOption, QuietOption, checked
 from sonarmap.tools.command.output import CELL, SAME_FRAME, open_map
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, say
 from sonarmap.tools.products.export.formats import HEIGHTS
@@ -21,20 +21,18 @@ if TYPE_CHECKING:
 class Target:
     """What the map is compared to."""
 
-    level: float | None = option(
-        INPUT,
+    level: float | None = INPUT.option(
         "Z",
         "Height of a plane \\[m].",
         callback=checked(math.isfinite, "--level is {}; wanted a height in meters"),
     )
-    same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME)
-    cell: float | None = length(INPUT, "Edge of a cell of both grids \\[m].", CELL)
-    height: str = choice(
-        INPUT,
+    same_frame: bool = INPUT.flag("--same-frame", SAME_FRAME)
+    cell: float | None = INPUT.length("Edge of a cell of both grids \\[m].", CELL)
+    height: str = INPUT.choice(
         "Height of a cell: top, mean or shoalest, as of `export`. top is the mean of its uppermost surface.",
         HEIGHTS,
     )
-    min_seen: int = option(INPUT, "N", "Count points that at least N scans saw.", 1, min=1)
+    min_seen: int = INPUT.option("N", "Count points that at least N scans saw.", 1, min=1)
 
 
 def command(

@@ -14,7 +14,7 @@ CALLS = [
     ("live", "PATH", "-o", "OUT"),
     ("record", "-o", "PATH.sonar"),
     ("inspect", "PATH"),
-    ("template", "PATH", "-o", "OUT"),
+    ("inspect", "SCAN", "--template", "PATH/a.csv"),
     ("view", "PATH"),
     ("export", "PATH", "-o", "OUT", "--format", "laz"),
     ("locate", "PATH", "SCAN"),

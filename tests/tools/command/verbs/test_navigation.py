@@ -90,8 +90,7 @@ def test_options_without_effect(tmp_path: Path, line: str, words: str, monkeypat
 def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> None:
     (folder / "log.csv").unlink()
     template = folder / "priors.csv"
-    result = done(sonarmap("template", folder, "-o", template))
-    assert result.stdout == f"3 scans; written to {template}\n"
+    said(done(sonarmap("inspect", folder, "--template", template)), f"written to {template}: 3 rows")
     rows = table_of(template)
     assert [row["name"] for row in rows] == ["scan_0", "scan_1", "scan_2"]
     assert all(row["heading_deg"] == row["depth_sigma_m"] == "" for row in rows)
@@ -99,7 +98,8 @@ def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> Non
     write_table(template, rows)
     sonarmap("map", folder, "-o", folder / "out", "--priors", template, *SIGMAS, "--grid", "16")
     assert [one.prior and float(one.prior.T_world_sensor.translation[2]) for one in seen] == [None, -7.5, None]
-    refused(sonarmap("template", folder, "-o", template), "is there already")
+    refused(sonarmap("inspect", folder, "--template", template), "is there already")
+    refused(sonarmap("inspect", template, "--template", folder / "b.csv"), "is a log of navigation")
 
 
 @pytest.fixture(scope="module")

@@ -64,7 +64,7 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     _check_measured(of, sigmas, is_own)
     used = {column.index for column in of.values()}
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
-    if left and not (is_own and left == ["stamp"]):  # `sonarmap template` writes it beside the name, which counts
+    if left and not (is_own and left == ["stamp"]):  # `inspect --template` writes it beside the name, which counts
         notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
     usual = {} if is_own or sigmas is None else _usual(of, sigmas)
     if usual:
