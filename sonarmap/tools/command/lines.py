@@ -26,10 +26,7 @@ if TYPE_CHECKING:
 
 
 def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: bool) -> "Corrections":
-    """The corrections with what the patch test of the inputs' lines shows.
-
-    Raises InputError: fewer than two lines among them, or none of the biases can be told.
-    """
+    """The corrections with what the patch test of the inputs' lines shows."""
     from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.tools.files.readers.pings.line_file import SUFFIXES, read_line
     from sonarmap.tools.files.readers.selection import select_files
@@ -52,7 +49,7 @@ def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: boo
 
 
 def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSettings") -> "Navigated":
-    """The scans with the navigation of their lines. Raises InputError: a file of navigation beside it."""
+    """The scans with the navigation of their lines."""
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.pings.patches import placed
 

@@ -51,7 +51,7 @@ _LONGEST_VALUE = 80  # characters of a value that is printed
 
 
 def use_settings(context: typer.Context, path: Path | None) -> None:
-    """Have the verb that is about to run take its defaults from a file. Raises InputError: the file cannot be used."""
+    """Have the verb that is about to run take its defaults from a file."""
     if path is not None:
         verbs: Any = context.command
         context.default_map = read_settings(path, verbs.commands)
@@ -69,10 +69,7 @@ def say_settings(context: Any) -> None:
 
 
 def read_settings(path: Path, verbs: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The values in a file, by the verb and by the name of its parameter; typer checks those of the verb that runs.
-
-    Raises InputError: the file cannot be read, or holds an unknown section or key.
-    """
+    """The values in a file, by the verb and by the name of its parameter; typer checks those of the verb that runs."""
     require_file(path, pipe=True)
     try:
         with path.open("rb") as file:

@@ -70,7 +70,7 @@ def print_summary(out: Path) -> None:
 
 
 def written_summary(out: Path) -> str:
-    """The text of the summary.json that this run has written. Raises InputError: it is no longer there."""
+    """The text of the summary.json that this run has written."""
     from sonarmap.tools.files.map_folder.names import SUMMARY
 
     try:

@@ -132,10 +132,7 @@ class ViewOptions:
 
 
 def changed(config: Any, assignments: Iterable[str]) -> Any:
-    """A configuration with the fields that --set names, as in "hypotheses=24" or "limits.step=2".
-
-    Raises InputError: there is no such field, or it cannot have this value.
-    """
+    """A configuration with the fields that --set names, as in "hypotheses=24" or "limits.step=2"."""
     for text in assignments:
         path, _, value = text.partition("=")
         config = _changed(config, path.strip().split("."), value, text)
@@ -188,7 +185,7 @@ class ConfiguredMethod:
 
 def require_effect(options: MethodOptions, priors: bool) -> None:
     """Refuse options that make no difference to the method, and name the methods that use them; `priors`: whether there
-    is a file of them. Raises InputError."""
+    is a file of them."""
     given = options.given | ({"priors"} if priors else set())
     always = {"voxel"} if "voxel" in given else {"voxel", "grid"}  # without a voxel the edge says how large one is
     if idle := sorted(given - find_method(options.method).options - always):
@@ -203,10 +200,7 @@ def require_effect(options: MethodOptions, priors: bool) -> None:
 
 
 def require_method(options: MethodOptions) -> None:
-    """Look at the method, the grid and the device before scans are read, or come.
-
-    Raises InputError, DeviceError: one of them cannot be used.
-    """
+    """Look at the method, the grid and the device before scans are read, or come."""
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
     from sonarmap.tools.files.memory import require_program
@@ -222,10 +216,7 @@ def require_method(options: MethodOptions) -> None:
 
 def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bool = False) -> ConfiguredMethod:
     """The method on the grid that the options ask for, or that suits the scans; on that of a `survey` if more scans may
-    be added to them later.
-
-    Raises InputError, DeviceError: the method, the grid, the scans or the device cannot be used.
-    """
+    be added to them later."""
     from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.spectral.grid import choose_grid
     from sonarmap.spectral.hemisphere import HemisphereRegistrar

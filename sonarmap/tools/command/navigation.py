@@ -32,10 +32,7 @@ ImuOption = Annotated[
 
 
 def parse_prior_sigmas(text: str) -> dict[str, float]:
-    """Standard deviations for the columns of a priors file, from "attitude,heading,depth,position" [deg, m].
-
-    Raises InputError: not four numbers above 0.
-    """
+    """Standard deviations for the columns of a priors file, from "attitude,heading,depth,position" [deg, m]."""
     from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA
 
     try:
@@ -102,7 +99,7 @@ class OdometryFile:
         return parse_drift(self.odometry_drift or DEFAULT_DRIFT)
 
     def read(self, scans: "Sequence[Scan]", settings: "NavigationSettings") -> "Odometry | None":
-        """The dead reckoning at the scans' times; None without a file. Raises InputError: it cannot be used."""
+        """The dead reckoning at the scans' times; None without a file."""
         if self.odometry is None:
             refuse_without("--odometry", {"--odometry-drift": self.odometry_drift})
             return None
@@ -165,10 +162,7 @@ class NavigationReading:
     magnetic_declination: float | None = _rare("DEG", "Add DEG to the log's magnetic headings, East positive.")
 
     def settings(self, *files: Path | None, origin: "Georeference | None" = None) -> "NavigationSettings":
-        """The same as the readers take it: for the files that are given, and the map's origin, None for the first fix.
-
-        Raises InputError: what the options say cannot be, or there is no file that they could be of.
-        """
+        """The same as the readers take it, for the files given and the map's origin, None for the first fix."""
         from sonarmap.tools.files.readers.navigation.settings import (
             NavigationSettings,
             parse_columns,
@@ -218,10 +212,7 @@ def scans_with_priors(
     """The scans with the priors of the file; without a file as they are, with their recording's attitude if `use_imu`.
 
     Notes say which of both counts, and that some scans have no prior. The file may have rows for other scans if
-    `allow_unknown`. A recording with an IMU among the scans' `files` says how far the navigation's clock is off.
-
-    Raises InputError: the file cannot be used, or there are --prior-sigmas without a file.
-    """
+    `allow_unknown`. A recording with an IMU among the scans' `files` says how far the navigation's clock is off."""
     from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate
 
     own = sum(scan.prior is not None for scan in scans)

@@ -78,10 +78,7 @@ class MapOutput:
 
 
 def export_with_progress(folder: "Map", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
-    """Export a map, and say what the user should know about it.
-
-    Raises InputError: see `tools.products.export.run.export_map`.
-    """
+    """Export a map, and say what the user should know about it."""
     from sonarmap.tools.products.export.run import export_map
 
     with growing_progress("exporting", quiet) as step:
@@ -123,8 +120,7 @@ class EarthPlace:
     def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
         """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it.
 
-        None without an origin. Raises InputError: numbers that cannot be one, or another option without any origin.
-        """
+        None without an origin."""
         from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, EAST, Georeference
 
         if self.origin is None and known is None:
@@ -137,10 +133,7 @@ class EarthPlace:
         return replace(known, vertical=self.vertical or known.vertical, heading=heading)
 
     def projection(self, known: "Georeference | None") -> "Projection | None":
-        """The coordinates that --crs names, at this place. None where no place is known.
-
-        Raises InputError: --crs there, or one that cannot be used at the place.
-        """
+        """The coordinates that --crs names, at this place. None where no place is known."""
         from sonarmap.tools.files.geo.projection import Projection
 
         if known is not None:

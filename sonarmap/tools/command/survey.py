@@ -106,7 +106,7 @@ class TiesAndControl:
     control_crs: str | None = EARTH.option("CRS", "CRS of the control file's coordinates, e.g. EPSG:25832.", rare=True)
 
     def read_ties(self, scans: "Sequence[Scan]") -> "tuple[Tie, ...]":
-        """What --ties says of pairs of the scans; none without it. Raises InputError: the file cannot be used."""
+        """What --ties says of pairs of the scans; none without it."""
         from sonarmap.tools.files.readers.ties import read_ties
 
         return () if self.ties is None else read_ties(self.ties, scans)
@@ -114,10 +114,7 @@ class TiesAndControl:
     def read_control(
         self, scans: "Sequence[Scan]", georeference: "Georeference | None"
     ) -> "tuple[tuple[ControlPoint, ...], Georeference | None]":
-        """The points of --control, and where the map lies on the Earth then; by now it lies at `georeference`.
-
-        Raises InputError: the file cannot be used, or --control-crs has no file.
-        """
+        """The points of --control, and where the map lies on the Earth then; by now it lies at `georeference`."""
         from sonarmap.tools.files.readers.control import read_control
 
         if self.control is None:
@@ -179,10 +176,7 @@ class PointReading:
     )
 
     def corrections(self) -> "Corrections":
-        """What is done to the points of files when they are read.
-
-        Raises InputError: numbers that are no speed of sound in water, no factor or no length, or unknown names.
-        """
+        """What is done to the points of files when they are read."""
         from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
         from sonarmap.tools.files.readers.pings.patches import LineReading
 
@@ -221,8 +215,7 @@ def open_execution(
     """Workers, where the options have them, and a journal, for as long as the block lasts.
 
     A worker keeps as many scans prepared as `prepared` says. If not `quiet`, it is said how many pairs the journal
-    held. Raises InputError: the journal cannot be used, or the workers fail.
-    """
+    held."""
     from sonarmap.slam.execute.journal import Journal
     from sonarmap.slam.execute.runner import Execution
     from sonarmap.tools.methods.fingerprint import method_key

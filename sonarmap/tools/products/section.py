@@ -34,7 +34,7 @@ class PlacedMap:
 
     @classmethod
     def of(cls, folder: Map) -> "PlacedMap":
-        """The largest part, without stray echoes. Raises InputError: it has no points."""
+        """The largest part, without stray echoes."""
         part = folder.surface(folder.parts[0])
         if not len(part.points):
             raise InputError(f"the map of {folder.path} has no points; map again")
@@ -42,7 +42,7 @@ class PlacedMap:
         return cls(folder.path, part, folder.voxel, here)
 
     def seen_by(self, least: int) -> "PlacedMap":
-        """With only the points that at least `least` scans saw. Raises InputError: there is none."""
+        """With only the points that at least `least` scans saw."""
         kept = self.part.columns["seen"] >= least
         if not kept.any():
             most = int(self.part.columns["seen"].max())
@@ -83,7 +83,7 @@ class Coordinates:
         return "latitude, longitude [deg]" if self.projection is None else f"{self.projection.name} E, N [m]"
 
     def to_map(self, places: np.ndarray) -> np.ndarray:
-        """(N, 2) x, y [m] in the map's frame of places (N, 2). Raises InputError: no such place, or one too far."""
+        """(N, 2) x, y [m] in the map's frame of places (N, 2)."""
         if self.georeference is None:
             return places
         at_level = np.column_stack([places, np.full(len(places), self.georeference.height)])
@@ -142,11 +142,7 @@ def section_of(placed: PlacedMap, line: np.ndarray, width: float, given: Coordin
     """The points of a map within `width` [m] to either side of a line (2, 2) from x, y to x, y [m].
 
     Args:
-        given: the coordinates in which the user gave the line, for what is said of it.
-
-    Raises:
-        InputError: a line without length, or one without points.
-    """
+        given: the coordinates in which the user gave the line, for what is said of it."""
     start, end = (given.said(place) for place in given.of_map(line))
     length = float(np.linalg.norm(line[1] - line[0]))
     if not length > 0:
@@ -171,7 +167,7 @@ def section_of(placed: PlacedMap, line: np.ndarray, width: float, given: Coordin
 
 def profile_of(section: Section, cell: float) -> Profile:
     """The median of the points in every cell of the line that holds any; `cell` is its length [m]. The last cell is
-    shorter where the line ends in it. Raises InputError: cells far too short."""
+    shorter where the line ends in it."""
     length = section.length
     if length / cell > _MOST_CELLS:
         raise InputError(f"--cell {cell:g} m divides {length:.2f} m into more than {_MOST_CELLS:,}; give longer cells")
@@ -213,11 +209,6 @@ class Titles:
     cell: float = 1.0  # of the profile [m]
 
 
-def draw_section(path: Path, section: Section, profile: Profile, titles: Titles) -> None:
-    """Write a PNG of a section. Raises InputError: the file cannot be written."""
-    write_png(section_figure(section, profile, titles), path)
-
-
 def section_figure(section: Section, profile: Profile, titles: Titles) -> "Figure":
     """The figure: a meter is as long upward as along the line, times the exaggeration."""
     from matplotlib.figure import Figure
@@ -249,9 +240,7 @@ def section_figure(section: Section, profile: Profile, titles: Titles) -> "Figur
 
 
 def check_names(out: Path, folder: Path) -> None:
-    """Refuse names that are neither of a picture nor of a table, and those in a map's own folder.
-
-    Raises InputError: saying which to give."""
+    """Refuse names that are neither of a picture nor of a table, and those in a map's own folder."""
     if out.suffix.lower() not in (".png", ".csv"):
         raise InputError(f"-o is {out}; wanted a name that ends in .png, or .csv for the tables alone")
     if out.parent.resolve() == folder.resolve():
@@ -278,7 +267,7 @@ def write_section(
         _write(tables[1], PROFILE, [*medians, *profile.place.T], profile.place, world)
         if out.suffix.lower() == ".csv":
             return tables
-        draw_section(out, section, profile, titles)
+        write_png(section_figure(section, profile, titles), out)
     return out, *tables
 
 

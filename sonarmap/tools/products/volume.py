@@ -50,9 +50,7 @@ class Volume:
 
 def volume_to_level(placed: PlacedMap, level: float, cell: float, kind: str = "top") -> Volume:
     """From a map to the plane at a height [m], as `PlacedMap.heights` counts; `cell` is the edge of cells [m], `kind`
-    what the height of a cell is, a name of `formats.HEIGHTS`.
-
-    Raises InputError: a grid too large to be of use."""
+    what the height of a cell is, a name of `formats.HEIGHTS`."""
     lattice = _lattice(cell, placed.part.points)
     surface = _Surface.of(placed, placed.part.points[:, :2], cell, lattice, kind)
     area = cell**2 * len(surface.key)
@@ -61,9 +59,7 @@ def volume_to_level(placed: PlacedMap, level: float, cell: float, kind: str = "t
 
 def volume_between(first: PlacedMap, second: PlacedMap, cell: float, kind: str = "top") -> Volume:
     """From one map to another: cut is what was lost, fill what was gained. Where both lie on the Earth the second is
-    brought to the first one's frame; otherwise both are in one.
-
-    Raises InputError: heights that count from different levels, no cell that both have, or a grid too large."""
+    brought to the first one's frame; otherwise both are in one."""
     points = second.part.points
     if first.georeference is not None and second.georeference is not None:
         one, other = first.georeference.vertical, second.georeference.vertical

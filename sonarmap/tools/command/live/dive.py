@@ -50,11 +50,7 @@ class Dive:
     _new: list[str] = field(default_factory=list[str])
 
     def follow(self, stop: Event) -> None:
-        """Map until `stop` is set, or the input has ended. What fails begins again.
-
-        Raises:
-            InputError, DeviceError: nothing can be mapped, and nothing is recorded.
-        """
+        """Map until `stop` is set, or the input has ended. What fails begins again."""
         again = Again()
         while not stop.is_set():
             again.begins()

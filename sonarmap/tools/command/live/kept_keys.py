@@ -37,7 +37,7 @@ class KeptKey:
 
 
 def keep_key(out: Path, number: int, key: KeptKey) -> None:
-    """Write a key scan to a map's folder, as the last one. Raises InputError: it cannot be written."""
+    """Write a key scan to a map's folder, as the last one."""
     prior = key.scan.prior
     said: dict[str, Any] = {
         "name": key.scan.name,
@@ -96,10 +96,7 @@ def clear(out: Path) -> None:
 @contextmanager
 def kept_for(out: Path, inputs: Sequence[str], settings: object = None) -> Generator[None]:
     """Within the block a map's folder is this program's, and holds key scans of these inputs alone, mapped with these
-    settings, any that `fingerprint` takes.
-
-    Raises InputError: another program maps there, or nothing can be written.
-    """
+    settings, any that `fingerprint` takes."""
     folder = out / FOLDER
     require_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -121,11 +118,7 @@ def _name(number: int) -> str:
 
 
 def map_keys(folder: Map) -> Iterator[KeptKey]:
-    """Key scans of the largest part of a map, which is taken to be sure of their poses: it stays as it is.
-
-    Raises:
-        InputError: no pose of it has enough points.
-    """
+    """Key scans of the largest part of a map, which is taken to be sure of their poses: it stays as it is."""
     surveyed, part, before = surveyed_map(folder), folder.parts[0], None
     for key in surveyed.apart:
         T, stamp, name = surveyed.T_map_sensor[key], float(part.trajectory.stamps[key]), folder.names[part.scans[key]]

@@ -28,7 +28,7 @@ _TEXTS = (".csv", ".txt", ".tum", ".nmea", ".log")  # whose last line may be hal
 
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """The options that say what there is. Raises InputError: ones that cannot be."""
+    """The options that say what there is."""
 
     priors: PriorsFile
     odometry: OdometryFile
@@ -95,11 +95,7 @@ class NavigationLog:
         out: the map's folder.
 
     Attributes:
-        said: what there is to say, a line each, for who shows it.
-
-    Raises:
-        InputError: on entry: nothing can be received there, or the file cannot be written.
-    """
+        said: what there is to say, a line each, for who shows it."""
 
     def __init__(self, source: str, out: Path) -> None:
         self.said = deque[str](maxlen=_MOST_SAID)

@@ -87,7 +87,6 @@ class RecordingProcess:
                     path.unlink()
 
     def _begin(self) -> None:
-        """Raises InputError: the system does not allow it."""
         number = 1 + max((int(path.name[:3]) for path in self._folder.glob("[0-9][0-9][0-9].*")), default=0)
         file = self._folder / f"{number:03d}.sonar"
         command = [sys.executable, "-m", "sonarmap", "record", "--json", "-o", str(file), *self._options]

@@ -55,10 +55,7 @@ class Receiver:
         self.end()
 
     def next(self, timeout: float) -> Datagram | None:
-        """The next datagram, or None where none came for so long [s].
-
-        Raises InputError: the system does not receive any more.
-        """
+        """The next datagram, or None where none came for so long [s]."""
         try:
             return self._waiting.get(timeout=timeout)
         except queue.Empty:
@@ -177,9 +174,7 @@ class Source:
 def source_of(multicast: str | None, unicast: str | None, interface: str | None) -> Source:
     """The source that options ask for; the sonar's default group if they are None.
 
-    GROUP:PORT of a group that is joined at the interface, or ADDRESS:PORT of this computer. Raises InputError: an
-    address that is none, or options that exclude each other.
-    """
+    GROUP:PORT of a group that is joined at the interface, or ADDRESS:PORT of this computer."""
     if unicast is None:
         return Source(*_endpoint(GROUP if multicast is None else multicast, "--multicast", GROUP), interface)
     if multicast is not None or interface is not None:
@@ -214,10 +209,7 @@ def _endpoint(text: str, option: str, example: str) -> tuple[IPv4Address, int]:
 
 
 def open_socket(source: Source) -> socket.socket:
-    """A socket that listens there, with as large a receive buffer as the system grants. It sends nothing.
-
-    Raises InputError: this computer has no such address or interface, or the port is taken or not allowed.
-    """
+    """A socket that listens there, with as large a receive buffer as the system grants. It sends nothing."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM, socket.IPPROTO_UDP)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WANTED_BUFFER)

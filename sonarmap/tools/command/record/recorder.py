@@ -152,10 +152,7 @@ class PartFile:
     """
 
     def __init__(self, out: Path, overwrite: bool) -> None:
-        """Make an empty file, which will be called `out`; in place of a file of that name only to `overwrite` it.
-
-        Raises InputError: it may not, or nothing can be written there.
-        """
+        """Make an empty file, which will be called `out`; in place of a file of that name only to `overwrite` it."""
         self.out, self.size, self._overwrite = out, 0, overwrite
         if out.suffix != ENDING:
             raise InputError(f"{out} does not end in {ENDING}, by which recordings are recognized; try {out}{ENDING}")
@@ -175,10 +172,7 @@ class PartFile:
                 ) from error
 
     def write(self, packet: bytes) -> None:
-        """Append a packet, all of it or nothing.
-
-        Raises InputError: the disk takes no more. The packets before are in the file.
-        """
+        """Append a packet, all of it or nothing."""
         left = memoryview(packet)
         try:
             while left:
@@ -198,7 +192,7 @@ class PartFile:
             os.fsync(self._file.fileno())
 
     def finish(self) -> None:
-        """Give it its name. Raises InputError: a file of that name has come, or the disk refuses; the part stays."""
+        """Give it its name."""
         try:
             os.fsync(self._file.fileno())
             self._file.close()
@@ -270,9 +264,7 @@ def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Eve
     """Record until the duration is over or `stop` is set, and give the file its name; without packets there is none.
 
     `follow` is called each second, before the first packet too, and at the end. Memory does not grow with the
-    recording: at most `receiver.MOST_WAITING` datagrams wait for the disk. Raises InputError: it cannot begin, or not
-    go on; what came until then is in the file that the message names.
-    """
+    recording: at most `receiver.MOST_WAITING` datagrams wait for the disk."""
     with open_socket(settings.source) as listening:
         part = PartFile(settings.out, settings.overwrite)
         status = Status(settings, part.path, system_buffer(listening), senders=Senders(settings.sonar))

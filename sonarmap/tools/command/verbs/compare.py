@@ -112,7 +112,7 @@ def _write(
 
 
 def _check(old: Path, new: Path | None, surveys: bool, same_frame: bool, cloud_sigma: float | None) -> None:
-    """Refuse what does not go together. Raises InputError."""
+    """Refuse what does not go together."""
     if new is None and not surveys:
         raise InputError(f"only {old} was given; wanted OLD and NEW, or --surveys to compare the surveys of one map")
     if new is not None and surveys:

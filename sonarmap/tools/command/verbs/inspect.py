@@ -119,9 +119,9 @@ def _inspect_log(
     options = [f"--{name.replace('_', '-')} {shlex.quote(_plain(value))}" for name, value in given(reading).items()]
     following = _next_command(str(path), scans, options)
     if plot is not None:
-        from sonarmap.tools.products.report.pictures import draw_log
+        from sonarmap.tools.products.report.pictures import log_figure, write_png
 
-        draw_log(found, plot)
+        write_png(log_figure(found), plot)
     if as_json:
         print_json(log_json(found, following))
     else:

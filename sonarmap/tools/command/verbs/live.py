@@ -135,7 +135,8 @@ def command(
     def finish(output: MapOutput, earth: EarthPlace) -> None:
         map_verb.command(
             mapped, output, method, known, points, odometry, reading, survey,
-            TiesAndControl(), earth, ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
+            TiesAndControl(), earth, ExecutionOptions(), imu=imu, check_priors=True, patch_test=False,
+            as_json=as_json, verbose=False, quiet=quiet,
         )  # fmt: skip
 
     _make_map(finish, output, earth, mapped)

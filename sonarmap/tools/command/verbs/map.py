@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -65,24 +65,6 @@ if TYPE_CHECKING:
 
 INCOMPLETE = 3
 
-CheckOption = Annotated[
-    bool,
-    NAVIGATION.switch(
-        "--check-priors/--no-check-priors",
-        "Stop if the scans contradict the navigation, for example by swapped columns.",
-        rare=True,
-    ),
-]
-PatchTestOption = Annotated[
-    bool,
-    NAVIGATION.switch(
-        "--patch-test/--no-patch-test",
-        "Estimate latency and mounting-angle biases from overlapping lines, and correct for them.",
-        rare=True,
-    ),
-]
-VerboseOption = Annotated[bool, RUNNING.switch("--verbose -v", "Print the table of pairs and all warnings too.")]
-
 
 @dataclass(frozen=True, slots=True)
 class SurveyInput:
@@ -135,10 +117,19 @@ def command(
     earth: EarthPlace,
     execution: ExecutionOptions,
     imu: ImuOption = True,
-    check_priors: CheckOption = True,
-    patch_test: PatchTestOption = False,
+    check_priors: bool = NAVIGATION.flag(
+        "--check-priors/--no-check-priors",
+        "Stop if the scans contradict the navigation, for example by swapped columns.",
+        True,
+        rare=True,
+    ),
+    patch_test: bool = NAVIGATION.flag(
+        "--patch-test/--no-patch-test",
+        "Estimate latency and mounting-angle biases from overlapping lines, and correct for them.",
+        rare=True,
+    ),
     as_json: JsonOption = False,
-    verbose: VerboseOption = False,
+    verbose: bool = RUNNING.flag("--verbose -v", "Print the table of pairs and all warnings too."),
     quiet: QuietOption = False,
 ) -> None:
     """Make a map from scans: register pairs, close loops, optimize poses, fuse points.
@@ -270,10 +261,7 @@ def _read_scans(
 def _navigate(
     read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool, heading: float | None
 ) -> "tuple[ReadScans, Georeference | None]":
-    """The scans with what instruments measured of them, and where the map lies on the Earth by that.
-
-    Raises InputError: they have headings, and --origin-heading is another one.
-    """
+    """The scans with what instruments measured of them, and where the map lies on the Earth by that."""
     if read.patches and use_imu:
         navigated = navigated_lines(read, priors, navigation)
     else:

@@ -69,7 +69,7 @@ class Listening:
 
     @property
     def source(self) -> "Source":
-        """Where packets come in. Raises InputError: an address that is none, or options that exclude each other."""
+        """Where packets come in."""
         from sonarmap.tools.command.record.receiver import source_of
 
         return source_of(self.multicast, self.unicast, self.interface)

@@ -14,7 +14,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.method import ConfiguredMethod, MethodOptions, configure_method, require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.option import OUTPUT, JsonOption, refused_by
+from sonarmap.tools.command.option import OUTPUT, JsonOption, checked
 from sonarmap.tools.command.survey import PointReading
 from sonarmap.tools.command.terminal import print_json, print_rows, printable, result_console, say, warn
 
@@ -28,23 +28,6 @@ if TYPE_CHECKING:
 UNRELIABLE = 3
 
 
-def _require_points_suffix(path: Path) -> None:
-    if path.suffix.lower() != ".ply":
-        raise InputError(f"{path}; give a name that ends in .ply, as in -o moved.ply")
-
-
-MovedOption = Annotated[
-    Path | None,
-    OUTPUT.value(
-        "FILE",
-        "Write the moved scan as PLY: the source's points in the target's frame. "
-        "Nothing is written if the registration is not reliable.",
-        *("-o", "--out"),
-        callback=refused_by(_require_points_suffix),
-    ),
-]
-
-
 def command(
     target: Annotated[str, typer.Argument(help="The scan that stays where it is.", metavar="TARGET")],
     source: Annotated[str, typer.Argument(help="The scan that is moved onto the target.", metavar="SOURCE")],
@@ -52,7 +35,16 @@ def command(
     priors: PriorsFile,
     points: PointReading,
     reading: NavigationReading,
-    out: MovedOption = None,
+    out: Path | None = OUTPUT.option(
+        "FILE",
+        "Write the moved scan as PLY: the source's points in the target's frame. "
+        "Nothing is written if the registration is not reliable.",
+        None,
+        *("-o", "--out"),
+        callback=checked(
+            lambda path: path.suffix.lower() == ".ply", "{}; give a name that ends in .ply, as in -o moved.ply"
+        ),
+    ),
     imu: ImuOption = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -105,8 +97,7 @@ def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) 
 def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> None:
     """Write a scan in the frame of another [m], its strengths as `intensity` and its viewpoints as vp_x, vp_y and vp_z.
 
-    p_target = T p_source. Raises InputError: the file cannot be written.
-    """
+    p_target = T p_source."""
     from sonarmap.tools.files.writers.points import write_ply
 
     moved = moved_scan(scan, T_target_source)

@@ -121,7 +121,7 @@ def _place(name: str, text: str, in_degrees: bool) -> list[float]:
 
 
 def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coordinates":
-    """The coordinates of --from and --to. Raises InputError: both options, or a map whose place is not known."""
+    """The coordinates of --from and --to."""
     from sonarmap.tools.products.section import Coordinates
 
     if line.world and line.degrees:

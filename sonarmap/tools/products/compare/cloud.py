@@ -45,8 +45,7 @@ class PointCloud:
 
     @classmethod
     def read(cls, path: Path, beside: Map, sigma: float | None = None) -> "PointCloud":
-        """The cloud of a file, to be compared with a map. Raises InputError: no file of points, one that is damaged, or
-        as `of_points`."""
+        """The cloud of a file, to be compared with a map."""
         if (read := _READERS.get(path.suffix.lower())) is None:
             raise InputError(
                 f"{path} is neither the folder of a finished map nor a file of points; wanted the folder that "
@@ -61,8 +60,7 @@ class PointCloud:
     def of_points(
         cls, given: np.ndarray, beside: Map, sigma: float | None = None, path: Path = Path("points"), crs: Any = None
     ) -> "PointCloud":
-        """The cloud of points (N, 3) [m] in a pyproj CRS, None for a frame of its own. Raises InputError: another
-        shape, unit or kind of CRS, or too few finite points."""
+        """The cloud of points (N, 3) [m] in a pyproj CRS, None for a frame of its own."""
         if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "fiu":
             raise InputError(f"an array of {given.dtype} of shape {given.shape}; wanted numbers (N, 3) in meters")
         points = given[np.isfinite(given).all(axis=1)].astype(np.float64)
@@ -132,10 +130,8 @@ class CloudMap(SurveyedMap):
 def opened_surveys(
     old: Given, new: Given, sigma: float | None, open_map: Callable[[Any], Map]
 ) -> tuple[Map | PointCloud, Map | PointCloud, Map]:
-    """What is to be compared, maps as `open_map` opens them and at most one cloud, a file or points (N, 3) [m]; and
-    the one that is a map, the old one of two.
-
-    Raises InputError: one of both cannot be used, both are clouds, or `sigma` [m] is given without one."""
+    """What is to be compared, maps as `open_map` opens them and at most one cloud, a file or points (N, 3) [m]; and the
+    one that is a map, the old one of two."""
     old_is_cloud, new_is_cloud = _is_cloud(old), _is_cloud(new)
     if old_is_cloud and new_is_cloud:
         raise InputError(

@@ -216,7 +216,7 @@ def compare_maps(
 
 
 def compare_surveys(folder: Map, first: int, second: int, settings: CompareSettings) -> Comparison:
-    """Two surveys of one map, in its frame. Raises InputError: its files are missing or damaged."""
+    """Two surveys of one map, in its frame."""
     epochs = Epoch.of_map(folder, first), Epoch.of_map(folder, second)
     names = f"survey {first}", f"survey {second}"
     return _compared(names, None, *epochs, None, folder.voxel, settings)
@@ -261,7 +261,7 @@ def _on_earth(each: Map | PointCloud) -> Georeference | None:
 
 
 def _in_one_frame(old: Map | PointCloud, new: Map | PointCloud) -> RigidTransform:
-    """T_old_new where nothing is registered. Raises InputError: heights that count from different levels."""
+    """T_old_new where nothing is registered."""
     before, after = _on_earth(old), _on_earth(new)
     if before is None or after is None:
         return RigidTransform.identity()

@@ -41,11 +41,6 @@ _DIMENSIONS = {  # of LAZ: type, and what it is in at most 31 letters
 }
 
 
-def draw_changes(path: Path, comparison: Comparison) -> None:
-    """Write a PNG of a comparison. Raises InputError: the file cannot be written."""
-    write_png(changes_figure(comparison), path)
-
-
 def changes_figure(comparison: Comparison) -> "Figure":
     """The figure: x and y of the old map's frame, to one scale."""
     from matplotlib.figure import Figure
@@ -101,7 +96,7 @@ def _outline(axes: "Axes", comparison: Comparison) -> None:
 
 
 def check_folder(out: Path, *maps: Path) -> None:
-    """Refuse the folder of a map, whose files `map` writes, and one that cannot be written. Raises InputError."""
+    """Refuse the folder of a map, whose files `map` writes, and one that cannot be written."""
     for folder in maps:
         if out.resolve() == folder.resolve():
             raise InputError(f"-o {out} is a map's folder, whose files `map` writes; choose another folder")
@@ -125,7 +120,7 @@ def write_comparison(
         world = None if place is None else _projected(distances.cores.points, *place)
         write_ply(out / f"{PREFIX}.ply", distances.cores.points, columns)
         _write_regions(out / f"{PREFIX}.csv", regions, place)
-        draw_changes(out / f"{PREFIX}.png", comparison)
+        write_png(changes_figure(comparison), out / f"{PREFIX}.png")
         if world is not None and place is not None:
             _write_laz(out / f"{PREFIX}.laz", world, columns, place[1])
             _write_geotiff(out / f"{PREFIX}.tif", world, distances, place[1])

@@ -53,9 +53,7 @@ class Epoch:
 
     @classmethod
     def of_map(cls, folder: Map, survey: int | None = None) -> "Epoch":
-        """The largest part of a finished map, or what one of its surveys saw of that, in its own frame.
-
-        Raises InputError: files of the map are missing or damaged."""
+        """The largest part of a finished map, or what one of its surveys saw of that, in its own frame."""
         part = folder.parts[0]
         points, columns = part.points, part.columns
         if survey is not None:

@@ -68,9 +68,7 @@ class Cloud:
         return self.earth.projection.project(self.earth.georeference.geodetic(points))
 
     def portions(self) -> Iterator[Portion]:
-        """All points, none of them empty.
-
-        Raises InputError: there are none."""
+        """All points, none of them empty."""
         empty = True
         for name, points, columns, stamps, place in self._whole():
             if len(points):

@@ -80,9 +80,7 @@ class ExportFormat:
         cell: float | None = None,
     ) -> Mapping[str, Any]:
         """Write one part of a map, and return what its side-car says beyond what all of them say; `cloud` is for
-        formats of points, `cell` [m] for those of surfaces; a grid that is not on the Earth is a plain `MapGrid`.
-
-        Raises InputError: a file cannot be written."""
+        formats of points, `cell` [m] for those of surfaces; a grid that is not on the Earth is a plain `MapGrid`."""
         module, function = self.writer.split(":")
         write = getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
         if self.of_points or self.of_surface:
@@ -152,9 +150,7 @@ FORMATS = {
 
 
 def known_formats(names: Iterable[str]) -> list[str]:
-    """The names, each once; a name that is nearly right counts as the format that it is most like.
-
-    Raises InputError: another name, or a format whose library is not installed."""
+    """The names, each once; a name that is nearly right counts as the format that it is most like."""
     known: dict[str, None] = {}
     for given in names:
         name = given.strip().lower()

@@ -53,9 +53,7 @@ class MapGrid:
         return self.cell or self.folder.voxel
 
     def projected_cells(self) -> tuple[Cells, int, int, tuple[int, int]]:
-        """The cells with points of a grid north up, its left and upper edges [cells], and its rows and columns.
-
-        Raises InputError: the grid is too large."""
+        """The cells with points of a grid north up, its left and upper edges [cells], and its rows and columns."""
         place = np.floor(self.projected_points[:, :2] / self.cell_m).astype(np.int64)
         left, top = int(place[:, 0].min()), int(place[:, 1].max()) + 1
         row, column = top - 1 - place[:, 1], place[:, 0] - left

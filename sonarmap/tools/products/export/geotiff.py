@@ -38,11 +38,9 @@ _PROFILE: dict[str, Any] = {
 def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
     """Write the heights that `grid.height` names (band 1), standard deviations (2), and how many sonar points (3).
 
-    Cells are `grid.cell_m` wide; their edges lie at multiples of that, so that grids of two maps fit each
-    other. A cell without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows
-    it in. Returns what the bands mean.
-
-    Raises InputError: the grid is too large, or the file cannot be written."""
+    Cells are `grid.cell_m` wide; their edges lie at multiples of that, so that grids of two maps fit each other. A cell
+    without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows it in. Returns what
+    the bands mean."""
     import rasterio
 
     cell = grid.cell_m

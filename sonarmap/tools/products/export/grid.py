@@ -132,9 +132,7 @@ def weight_of(sigma: np.ndarray) -> np.ndarray:
 
 
 def check_size(rows: int, columns: int, cell: float) -> None:
-    """Refuse a grid too large to be of use.
-
-    Raises InputError: naming the option that changes it."""
+    """Refuse a grid too large to be of use."""
     if rows * columns > MOST_CELLS:
         raise InputError(
             f"a grid with cells of {cell:g} m has {rows:,} rows and {columns:,} columns, more than {MOST_CELLS:,} "
@@ -158,8 +156,7 @@ class Mesh:
 
 
 def write_mesh(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
-    """Write a mesh through the uppermost surface of the map's cells [m], from above. Raises InputError: no three cells
-    side by side."""
+    """Write a mesh through the uppermost surface of the map's cells [m], from above."""
     from matplotlib import colormaps
 
     vertices, triangles = _through_grid(part, cell)

@@ -85,9 +85,7 @@ def check_settings(
     settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float], later: bool = False
 ) -> None:
     """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any;
-    `later`: the place may become known.
-
-    Raises InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there."""
+    `later`: the place may become known."""
     _require_fitting(settings)
     for name in settings.formats:
         low, high, (first, end) = min(stamps, default=0.0), max(stamps, default=0.0), FORMATS[name].stamps
@@ -126,9 +124,7 @@ def _require_fitting(settings: ExportSettings) -> None:
 
 
 def check_files(settings: ExportSettings, out: Path) -> None:
-    """Refuse, before a map is computed, to replace a file in its folder that neither a map nor an export wrote.
-
-    Raises InputError: naming the file."""
+    """Refuse, before a map is computed, to replace a file in its folder that neither a map nor an export wrote."""
     names = [re.escape(file).replace(r"\{\}", r"(_\d+)?") for name in settings.formats for file in FORMATS[name].files]
     ours = {*earlier_files(out), *OF_ALL}
     for path in sorted(out.glob("*")):
@@ -144,9 +140,7 @@ def export_map(
 
     A part whose place on the Earth is not known is left out of the formats that need it. Files that an earlier export
     wrote are replaced. In the map's own folder they are listed in summary.json, so that the next `sonarmap map` there
-    removes them.
-
-    Raises InputError: see `check_settings`; a file is there that no export wrote; one cannot be written."""
+    removes them."""
     stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)

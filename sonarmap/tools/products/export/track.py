@@ -207,9 +207,7 @@ def _wkb(places: np.ndarray) -> bytes:
 
 def write_poses_csv(path: Path, earth: Georeferenced) -> None:
     """Write one row per scan, in the order of the survey, under COLUMNS, with no comment above them: neither Excel nor
-    QGIS nor Python's csv skips comments.
-
-    Raises InputError: the file cannot be written, or a place that the projection does not cover."""
+    QGIS nor Python's csv skips comments."""
     upper = earth.covariances[:, [i for i, _ in _UPPER], [j for _, j in _UPPER]]
     rows: list[list[str | int]] = []
     for k, name in enumerate(earth.names):
@@ -254,9 +252,7 @@ def _write_eiva(path: Path, earth: Georeferenced, rows: np.ndarray, form: str) -
 
 def write_graph(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
     """Write name, time and frame of every vertex, for which g2o has no place, to `path`, and graph.g2o beside it,
-    unless that is the map's own.
-
-    Raises InputError: graph.g2o is missing, or a file cannot be written."""
+    unless that is the map's own."""
     rows: list[tuple[int, str, str, str, int, str]] = []
     for number, each in enumerate(folder.parts, 1):
         stamps, frame = each.trajectory.stamps, "East-North-Up" if each.in_world else "first pose"

@@ -37,12 +37,9 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 _quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # what strangers send is no news
-OWN = "sonarmap.tools.products.live.web"
-_OF_REPORT = (
-    *("map/camera", "map/shaders", "map/scene", "map/picking", "map/palettes", "elements"),
-    *("map/layers", "map/labels", "map/gestures", "map/controls"),
-)
-_OWN = ("dive", "clouds", "view", "coverage", "live")
+OWN = "sonarmap.tools.products.live"
+_OF_REPORT = ("camera", "scene", "picking", "palettes", "elements", "layers", "labels", "gestures", "controls")
+_OWN = ("dive", "view", "live")
 
 
 class LivePage:

@@ -66,11 +66,7 @@ def moved_lines(
     Args:
         patches: by scan.
         georeference: of the map's world.
-        reading: as their patches were cut.
-
-    Raises:
-        InputError: a file was changed or removed since.
-    """
+        reading: as their patches were cut."""
     placed = {k for k, prior in result.solution.graph.priors if prior.knows_position}
     in_world = {k for members in result.components if placed.intersection(members) for k in members}
     of_files: dict[Path, list[int]] = {}
@@ -96,8 +92,7 @@ def write_lines(
     test: PatchTest | None,
 ) -> None:
     """Write what the map says of its lines: `agreement`, where they overlap, before and after; the patch test is None
-    where they overlap too little. Raises InputError: a CRS that cannot be used there, or a file that cannot be written.
-    """
+    where they overlap too little."""
     projection, (before, after) = Projection.of(georeference, crs), agreement
     content = {
         "lines": [_summary(line) for line in lines],

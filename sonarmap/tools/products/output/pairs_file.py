@@ -31,9 +31,7 @@ _WORDS = {answer: word for word, answer in ANSWERS.items()}
 def write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
     """Write one row per pair, in the order of trying, under COLUMNS; a cell of what is not known is empty.
 
-    Numbers are written so that reading them gives the same ones.
-
-    Raises InputError: the file cannot be written."""
+    Numbers are written so that reading them gives the same ones."""
     measured = iter(_measured([registration for pair in pairs if (registration := registration_of(pair))]))
     rows = (pair_row(pair) | (next(measured) if registration_of(pair) else {}) for pair in pairs)
     write_table(path, COLUMNS, ([_cell(row.get(name, "")) for name in COLUMNS] for row in rows))

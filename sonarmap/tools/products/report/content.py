@@ -140,21 +140,13 @@ def verdict(summary: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
     against = "".join(f"{_capital(each)}. " for each in summary.get("contradictions", []))
     return {
         "sentence": f"{against}{sentence}{_tilt(summary)}; {_loops(summary)}{_crossings(summary)}.",
-        "concerns": list(_concerns(summary, names)),
+        "concerns": list(_concerns(summary)),
     }
 
 
 def counted(count: int, what: str) -> str:
     """A number of things, such as "1 loop" or "no loops"."""
     return f"{count or 'no'} {what}{'' if count == 1 else 's'}"
-
-
-def listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
-
-
-def _named(scans: Sequence[int | None], names: Sequence[str]) -> list[str]:
-    return ["?" if scan is None else names[scan] for scan in scans]
 
 
 def _loops(summary: Mapping[str, Any]) -> str:
@@ -185,33 +177,14 @@ def _crossings(summary: Mapping[str, Any]) -> str:
     return f"; where the track crosses itself scans lie {after:.2g} m apart ({before:.2g} m before the loops)"
 
 
-def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> Iterator[str]:
-    parts = summary["components"]
-    if len(parts) > 1:
-        separate = f"there are {len(parts)} separate maps, each in a frame of its own"
-        yield f"No reliable registration joins all scans: {separate}."
-    odd = summary.get("odd_scans", [])  # which earlier maps do not have
-    yield from (f"{row['reason']}." for row in odd)
-    outside = [scan for scan in summary["unplaced"] if scan not in {row["index"] for row in odd}]
-    lost, alone = _named(outside, names), _named(summary["by_navigation"], names)
-    for what, words, listing in (
-        ("scan", "in no map: no reliable registration joins them to the others", lost),
-        ("scan", "placed by navigation alone: no reliable registration joins them", alone),
-        ("scan", "could not be read", [row["name"] for row in summary["unread"]]),
-        ("gap", "between consecutive scans", [" to ".join(_named(gap, names)) for gap in summary["gaps"]]),
-    ):
-        if listing:
-            yield f"{counted(len(listing), what)} {words}: {listed(listing)}."
-    # which earlier maps do not have either
-    rows = [*summary.get("understated", []), *([summary["systematic"]] if summary.get("systematic") else [])]
-    reasons = [row["reason"] for row in rows if row["reason"] not in summary.get("contradictions", [])]
-    yield from (f"{_capital(reason)}." for reason in reasons)
-    for fix in summary["wrong_fixes"]:
-        away = f"{fix['sigmas']:.1f} standard deviations from everything else"
-        yield f"The {fix['kind']} of {fix['name']} is {away}; it is left out."
-    if not summary["graph"]["converged"]:
-        yield "The optimization of the poses stopped before it converged."
-    several = parts[0]["map"]["seen_by_two_or_more"]
+def _concerns(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What the map warned of, beside contradictions; scans that could not be read; and a map of single views."""
+    against = summary.get("contradictions", [])
+    yield from (f"{_capital(each)}.".replace("`", "") for each in summary.get("warnings", []) if each not in against)
+    if unread := [row["name"] for row in summary["unread"]]:
+        more = f" and {len(unread) - LISTED} more" if len(unread) > LISTED else ""
+        yield f"{counted(len(unread), 'scan')} could not be read: {', '.join(unread[:LISTED])}{more}."
+    several = summary["components"][0]["map"]["seen_by_two_or_more"]
     if several < _FEW:
         yield f"Only {several:.0%} of the map was seen by more than one scan; the rest is not confirmed."
 

@@ -20,10 +20,8 @@ from sonarmap.tools.products.report.content import Content, content_of
 SCRIPTS = tuple(
     f"{name}.js"
     for name in (
-        *("map/packed", "map/camera", "map/shaders", "map/scene", "map/picking", "map/palettes", "elements", "charts"),
-        *("map/colorings", "map/layers", "map/geodesy", "map/labels", "map/gestures", "map/canvas", "map/view"),
-        *("map/controls", "map/picked", "ties"),
-        *("profile", "sections", "main"),
+        *("packed", "camera", "scene", "picking", "palettes", "elements", "colorings", "layers", "geodesy", "labels"),
+        *("gestures", "canvas", "view", "controls", "ties", "sections", "main"),
     )
 )
 REPORT_WEB = "sonarmap.tools.products.report.web"
@@ -34,11 +32,7 @@ def write_report(folder: Map) -> Path:
     """Write report.html into a map's folder, and list it in summary.json, so that the next `sonarmap map` removes it.
 
     Returns:
-        The page's path.
-
-    Raises:
-        InputError: the map's files are damaged, or the page cannot be written.
-    """
+        The page's path."""
     with as_written(folder.path), naming(folder.path):
         page = report_text(content_of(folder))
     with all_or_none():

@@ -41,9 +41,7 @@ def draw_map(
 ) -> None:
     """Write a PNG of map number `rank`, 1 for the largest, seen from above.
 
-    `inputs` are the files or folders that were mapped, `georeference` None where it is not known.
-
-    Raises InputError: the file cannot be written."""
+    `inputs` are the files or folders that were mapped, `georeference` None where it is not known."""
     write_png(map_figure(result, rank, inputs, georeference), path)
 
 
@@ -168,11 +166,6 @@ _UNITS = {"roll": "roll [°]", "pitch": "pitch [°]", "heading": "heading [°]",
 _OUTSIDE = 0.5  # of the good rows' extent, beyond which a wrong place is not shown
 
 
-def draw_log(found: LogOverview, path: Path) -> None:
-    """Write a PNG of the log. The same log gives the same bytes. Raises InputError: the file cannot be written."""
-    write_png(log_figure(found), path)
-
-
 def log_figure(found: LogOverview) -> "Figure":
     """The figure: the track to the left, what is measured over time to the right."""
     from matplotlib.figure import Figure
@@ -232,7 +225,7 @@ def _draw_series(axes: "Axes", found: LogOverview, times: np.ndarray, name: str)
 
 
 def write_png(figure: "Figure", path: Path) -> None:
-    """Draw a figure. The same figure gives the same bytes. Raises InputError: the file cannot be written."""
+    """Draw a figure. The same figure gives the same bytes."""
     with warnings.catch_warnings(), atomic_path(path) as temporary:
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a name's script: drawn as boxes
         figure.savefig(temporary, format="png")

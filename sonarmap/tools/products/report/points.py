@@ -59,9 +59,7 @@ def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) ->
 
 def doubtful_of(folder: Map, part: MapPart) -> tuple[bytes, dict[str, Any]] | tuple[None, None]:
     """The doubtful points of a part, `packed`, evenly thinned where there are more than MOST_DOUBTFUL, and how many
-    there are; None where the map has none.
-
-    Raises InputError: map_all.ply is damaged."""
+    there are; None where the map has none."""
     name = f"map_all{part.suffix}.ply"
     if name not in folder.summary.get("files", ()) or not (folder.path / name).is_file():
         return None, None

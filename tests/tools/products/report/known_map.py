@@ -38,7 +38,7 @@ def known_points() -> np.ndarray:
 
 
 def unpack(data: bytes, layout: dict[str, Any]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The twin of web/map/packed.js: the points (M, 3) [m] and their columns, in the order of the file."""
+    """The twin of web/packed.js: the points (M, 3) [m] and their columns, in the order of the file."""
     tiles, sizes = layout["tiles"], layout["planes"]
     shape = 6 + sum(sizes.values()), sum(tile["count"] for tile in tiles)
     planes = np.frombuffer(gzip.decompress(data), np.uint8).reshape(shape).astype(np.uint32)

@@ -195,7 +195,7 @@ def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
         assert parts.page.evaluate("sonarmap.view.points.count") == counts[0]
         parts.page.locator("#controls select").first.select_option("1")
         wait_until(parts.page, f"sonarmap.view.points.count === {counts[1]}")
-        assert "2 separate maps" in parts.page.locator("#concerns").inner_text()
+        assert "2 separate parts" in parts.page.locator("#concerns").inner_text()
 
 
 @pytest.mark.slow

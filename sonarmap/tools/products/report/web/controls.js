@@ -89,3 +89,110 @@ function showLegend(box, view) {
   const texts = marks.map(([texel, text]) => make("span", {}, apart ? filled("span", "patch", css(texel)) : "", text));
   box.replaceChildren(make("p", {}, label), apart ? "" : scale, make("div", { class: apart ? "list" : "marks" }, ...texts));
 }
+
+// What the page says of what was picked in the map, and what can be done with it.
+
+/** Say what was picked; null for nothing. */
+function showPicked(box, view, content, hit) {
+  document.querySelector("#measure")?.setAttribute("aria-pressed", view.measuring);
+  const close = button("×", () => view.leave(), { class: "close", "aria-label": "Close" });
+  box.replaceChildren(...(hit ? [close, ...pickedRows(view, content, hit)] : []));
+}
+
+function pickedRows(view, content, hit) {
+  if ("measuring" in hit) return [make("p", {}, ["Click on the first point.", "Click on the second point."][hit.measuring])];
+  if ("tying" in hit)
+    return [make("p", {}, `Click on the place of the scan that ${content.names[hit.tying]} is tied to, in any part of the map. Esc ends it.`)];
+  if (hit.distance) return [distanceList(view, hit.distance)];
+  if (hit.pair)
+    return [...pairRows(content, hit.pair), make("p", { class: "decide" }, "By hand: ", verdictButtons(view.decisions, hit.pair))];
+  if ("doubtful" in hit) return [doubtfulList(view, content, hit)];
+  return hit.place ? [pointList(view, content, hit)] : poseRows(view, content, hit.pose);
+}
+
+function list(title, rows) {
+  const known = rows.filter((row) => row && row[1] !== "");
+  return make("div", {}, make("h3", {}, title), make("dl", {}, ...known.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)])));
+}
+
+function distanceList(view, [a, b]) {
+  const step = view.points.quantum;
+  const [dx, dy, dz] = minus(b, a);
+  const bearing = (((Math.atan2(dx, dy) * 180) / Math.PI + 360) % 360).toFixed(1);
+  return list("Distance from A to B", [
+    ["distance", meters(lengthOf([dx, dy, dz]), step)],
+    ["level", meters(Math.hypot(dx, dy), step)],
+    ["up", meters(dz, step)],
+    view.part.axes[0] === "East" && ["bearing from North", `${bearing}°`],
+    ["read to", `± ${meters(step * Math.sqrt(3), step / 10)}: coordinates are whole numbers of ${meters(step, step / 10)}`],
+  ]);
+}
+
+function placeRows(view, place, step) {
+  const { axes, height, on_earth } = view.part;
+  const rows = axes.map((name, k) => [name, meters(place[k], step)]);
+  if (height.zero !== null) rows.push([height.label, meters(height.zero - place[2], step)]);
+  if (on_earth) {
+    const [latitude, longitude] = degreesOf(place, view.content.georeference);
+    rows.push(["latitude (WGS84)", `${latitude.toFixed(7)}°`], ["longitude (WGS84)", `${longitude.toFixed(7)}°`]);
+  }
+  return rows;
+}
+
+function pointList(view, content, { point, place }) {
+  const { columns } = view.points, { scales } = view.part;
+  const value = (name, unit) => (columns[name]?.[point] ? short(valueOf(columns[name][point], scales[name]), unit) : "");
+  const several = "survey" in view.colorings;
+  const { track } = view.part, scan = columns.scan[point];
+  const inScan = toSensor(track, track.scans.indexOf(scan), place).map((x) => meters(x, view.points.quantum)).join(", ");
+  return list("Point", [
+    ...placeRows(view, place, view.points.quantum),
+    ["standard deviation", value("sigma", "m")],
+    ["echo", value("echo")],
+    ["seen by", counted(columns.seen[point], "scan")],
+    ["mostly by", content.names[scan]],
+    ["x, y, z in that scan", inScan], // as --control takes them
+    several && ["of survey", columns.survey[point]],
+  ]);
+}
+
+function doubtfulList(view, content, { doubtful, place }) {
+  const { seen, looked, scan } = view.doubtful.columns;
+  return list("Left out as a false echo", [
+    ...placeRows(view, place, view.doubtful.quantum),
+    ["seen by", counted(seen[doubtful], "scan")],
+    ["where looked", counted(looked[doubtful], "scan")],
+    ["mostly by", content.names[scan[doubtful]]],
+  ]);
+}
+
+/** A pose, and a button that ties its scan to another. */
+function poseRows(view, content, k) {
+  const { track } = view.part;
+  const sigmas = track.half_axes[k].map(lengthOf);
+  const tie = button("Tie to another scan", () => view.tie(track.scans[k]));
+  const said = list("Sensor", [
+    ["scan", content.names[track.scans[k]]],
+    ...placeRows(view, track.places[k], 0.001),
+    ["standard deviation", `${short(Math.max(...sigmas), "m")} in the worst direction, ${short(Math.min(...sigmas), "m")} in the best`],
+  ]);
+  return content.names.length > 1 ? [said, tie] : [said];
+}
+
+function pairRows(content, pair) {
+  const scans = ["scans", `${content.names[pair.target]} and ${content.names[pair.source]}`];
+  if (pair.role === "crossing")
+    return [list("Crossings of the track", [scans,
+      ["before the loops", `${short(pair.before_m, "m")} apart (median), ${short(pair.before_90_m, "m")} (90th percentile)`],
+      ["after", `${short(pair.after_m, "m")} apart (median), ${short(pair.after_90_m, "m")} (90th percentile)`],
+    ])];
+  if (pair.role === "new") return [list("Two scans", [scans, ["reason", pair.reason]])];
+  return [list(`${pair.role === "loop" ? "Loop" : "Pair"} ${pair.kept ? "kept" : "refused"}`, [
+    scans,
+    ["reason", pair.reason],
+    ["overlap", percent(pair.overlap)],
+    ["probability", percent(pair.probability)],
+    ["off the estimate before it", short(pair.sigmas_from_estimate, "σ")],
+    ["off the final poses", short(pair.residual_sigmas, "σ")],
+  ])];
+}
