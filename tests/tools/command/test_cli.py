@@ -12,7 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import guarded
 from sonarmap.tools.command.main import run
 from sonarmap.tools.command.terminal import say
-from tests.samples.command_line import ROOT, SONARMAP, on_a_terminal, sonarmap
+from tests.samples.command_line import ROOT, SONARMAP, sonarmap
 
 
 def exit_code_of(command: Callable[[], object]) -> int:
@@ -55,9 +55,6 @@ class TestExitCodes:
             guarded(raiser(ending))()
         assert ended.value is ending
 
-    def test_a_verb_that_ends_well_returns(self) -> None:
-        assert guarded(lambda: 7)() == 7
-
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("call", ["--version", "devices --json"])
     def test_a_closed_pipe_is_quiet(self, call: str) -> None:
@@ -72,20 +69,6 @@ class TestMessages:
     def test_what_could_steer_a_terminal_is_escaped(self, capsys: pytest.CaptureFixture[str]) -> None:
         say("scan\x1b[2J\x07\udcff.ply\nsecond line")
         assert capsys.readouterr().err == "scan\\x1b[2J\\x07\\udcff.ply\nsecond line\n"
-
-    def test_a_long_message_stays_whole_in_a_pipe(self, capsys: pytest.CaptureFixture[str]) -> None:
-        message = "word " * 100 + "end"
-        say(message)
-        assert capsys.readouterr().err == f"{message}\n"
-
-    @pytest.mark.slow
-    def test_a_long_message_is_wrapped_by_words_on_a_terminal(self) -> None:
-        shown = on_a_terminal(
-            "from sonarmap.tools.command.terminal import say; say('harbor ' * 30, 'error: ', 'red')", columns=40
-        )
-        lines = [line.rstrip() for line in shown.replace("\x1b[31m", "").replace("\x1b[0m", "").splitlines()]
-        assert lines[0] == "error: harbor harbor harbor harbor"
-        assert all(len(line) <= 40 and set(line.split()) <= {"error:", "harbor"} for line in lines)
 
 
 class TestEntry:

@@ -1,10 +1,8 @@
 """The shell's completion, by the protocol that bash, zsh and fish use, and in a real bash."""
 
 import os
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -75,33 +73,6 @@ def test_what_is_offered(answers: dict[str, list[str]], line: str, offered: list
     assert answers[line] == offered
 
 
-def test_devices_are_offered() -> None:
-    offered = completed("sonarmap map --device ")
-    assert offered[:2] == ["cpu", "gpu"]
-    assert "0:0" in offered
-
-
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
-def test_a_real_bash(tmp_path: Path) -> None:
-    """The script that is installed, sourced, and asked as the Tab key asks."""
-    command = tmp_path / "sonarmap"
-    command.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -c "{CALL[-1]}" "$@"\n')
-    command.chmod(0o755)
-    (tmp_path / "script.sh").write_text(asked(_SONARMAP_COMPLETE="source_bash"))
-    asks = (
-        "source script.sh; COMP_WORDS=(sonarmap evaluate --align f); COMP_CWORD=3; _sonarmap_completion sonarmap; "
-        'echo "${COMPREPLY[@]}"; complete -p sonarmap'
-    )
-    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    ended = subprocess.run(
-        ["bash", "--norc", "-c", asks], cwd=tmp_path, env=environment, capture_output=True, text=True
-    )
-    assert (ended.returncode, ended.stderr) == (0, "")
-    offered, installed = ended.stdout.splitlines()
-    assert offered == "first"
-    assert "-o default" in installed  # files, where nothing of ours is offered
-
-
 def test_it_answers_before_one_waits() -> None:
     """Without SciPy, Open3D and the like: it computes for 0.3 s; what is checked is far more, for a slow machine."""
     start = processor_time()
@@ -115,13 +86,3 @@ def test_it_answers_before_one_waits() -> None:
     ).stderr  # fmt: skip
     imported = {line.rpartition("|")[2].strip().partition(".")[0] for line in listed.splitlines()}
     assert not imported & {"scipy", "open3d", "matplotlib", "pyopencl", "gtsam", "pyproj", "rasterio"}
-
-
-@pytest.mark.slow
-def test_zsh_and_fish_are_told_what_a_word_means() -> None:
-    zsh = asked(_SONARMAP_COMPLETE="complete_zsh", _TYPER_COMPLETE_ARGS="sonarmap map --max-")
-    assert '"--max-speed":"How fast the vehicle moves at most [m/s]; for scans whose stamps are times."' in zsh
-    fish = asked(
-        _SONARMAP_COMPLETE="complete_fish", _TYPER_COMPLETE_FISH_ACTION="get-args", _TYPER_COMPLETE_ARGS="sonarmap vi"
-    )
-    assert fish.startswith("view\tOpen a finished map")

@@ -3,12 +3,10 @@
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -43,19 +41,6 @@ def broken_module(folder: Path, name: str, error: str) -> Path:
     """A folder with a package of this name that cannot be imported."""
     (folder / name).mkdir(parents=True)
     (folder / name / "__init__.py").write_text(f"raise {error}\n")
-    return folder
-
-
-def without_drivers(folder: Path, loader: bool = True) -> Path:
-    """A folder with a copy of PyOpenCL that brings no driver of its own, and perhaps no loader."""
-    spec = find_spec("pyopencl")
-    assert spec is not None
-    assert spec.origin is not None
-    source = Path(spec.origin).parent
-    if not (source / ".libs").is_dir():
-        pytest.skip("PyOpenCL is not from a wheel, which brings a loader")
-    left_out = ("libpocl*", "*.icd") if loader else (".libs",)
-    shutil.copytree(source, folder / "pyopencl", ignore=shutil.ignore_patterns(*left_out))
     return folder
 
 
@@ -99,28 +84,6 @@ class TestHealthy:
 
 
 class TestBroken:
-    @pytest.mark.slow
-    def test_the_loader_is_missing(self, tmp_path: Path) -> None:
-        first = without_drivers(tmp_path, loader=False)
-        shown = sonarmap("doctor", "--json", "--quick", first=first)
-        opencl = examined(shown)["OpenCL"]
-        assert (shown.returncode, opencl["verdict"]) == (2, "wrong")
-        assert "cannot open shared object file" in opencl["seen"]
-        assert "--force-reinstall --no-deps pyopencl" in commands_of(opencl)[0]
-        shown = sonarmap("devices", first=first)
-        assert shown.returncode == 2
-        assert "'sonarmap doctor' says what to do" in shown.stderr
-
-    @pytest.mark.slow
-    def test_there_is_no_driver(self, tmp_path: Path) -> None:
-        (tmp_path / "empty").mkdir()
-        first, vendors = without_drivers(tmp_path / "first"), {"OCL_ICD_VENDORS": str(tmp_path / "empty")}
-        shown = sonarmap("doctor", "--json", "--quick", first=first, variables=vendors)
-        seen = examined(shown)["OpenCL"]["seen"]
-        assert shown.returncode == 2
-        assert "pocl-opencl-icd" in seen
-        assert f"{tmp_path / 'empty'}, where OCL_ICD_VENDORS points, holds no .icd file" in seen
-
     @pytest.mark.slow
     def test_a_library_that_ends_the_process_is_blamed_and_the_others_are_tried(self, tmp_path: Path) -> None:
         crash = "SystemExit(__import__('os').kill(__import__('os').getpid(), 11))"
@@ -244,12 +207,6 @@ class TestMachines:
             assert "'sonarmap doctor OUT' looks at a folder OUT and its disk" in made.stderr
             assert "Traceback" not in made.stderr
 
-    @pytest.mark.slow
-    def test_a_full_disk_of_temporary_files(self, tmp_path: Path) -> None:
-        with mounted(tmp_path / "full", "size=64k") as full:
-            disk = quick(variables={"TMPDIR": str(full)})["disk"]
-            assert (disk["verdict"], commands_of(disk)) == ("wrong", ["export TMPDIR=/var/tmp"])
-
     def test_a_file_in_place_of_the_folder(self, tmp_path: Path) -> None:
         (tmp_path / "out").touch()
         assert look_at(tmp_path / "out" / "map")[1] == f"{tmp_path / 'out'} is a file, not a folder"
@@ -260,16 +217,6 @@ class TestMachines:
 
         monkeypatch.setattr(Path, "exists", refuse)
         assert look_at(tmp_path) == (0, "permission denied")
-
-    @pytest.mark.slow  # all kernels are compiled
-    def test_a_map_with_a_read_only_home(self, tmp_path: Path, scans: Path) -> None:
-        with mounted(tmp_path / "home", "ro") as home:
-            environment = {"HOME": str(home), "XDG_CACHE_HOME": "", "MPLCONFIGDIR": ""}
-            out = str(tmp_path / "out")
-            made = sonarmap("map", str(scans), "--grid", "32", "-o", out, variables=environment)
-            assert "cannot be written (read-only file system)" in made.stderr
-            assert "Traceback" not in made.stderr
-            assert (tmp_path / "out" / "map.ply").exists()
 
     @pytest.mark.slow
     def test_a_limit_of_addresses(self, scans: Path, tmp_path: Path) -> None:

@@ -9,8 +9,6 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.method import MethodOptions, configure_method
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
 from sonarmap.tools.methods.registry import METHODS
@@ -100,15 +98,6 @@ def test_a_missing_package(pair: list[str], method: str, module: str, monkeypatc
     refused(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
 
 
-@pytest.mark.parametrize("method", [name for name, one in METHODS.items() if one.package])
-def test_an_optional_method_as_json(pair: list[str], method: str) -> None:
-    module = METHODS[method].package.replace("-", "_")
-    pytest.importorskip(module, reason=f"{METHODS[method].package} is not installed")
-    result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
-    assert (result.exit_code, result.stderr) in ((0, ""), (3, ""))
-    assert json.loads(result.stdout)["method"] == method
-
-
 @pytest.mark.slow
 def test_a_map(tmp_path: Path) -> None:
     write(tmp_path, **{f"scan_{k}": scan(k) for k in range(3)})
@@ -130,9 +119,3 @@ def test_a_map(tmp_path: Path) -> None:
     first, second = files_in(out), files_in(tmp_path / "again")
     # these hold seconds
     assert {name for name in first if first[name] != second[name]} == {"times.json", "journal.sqlite"}
-
-
-@pytest.mark.parametrize(("method", "seed"), [("fpfh-ransac", {"seed": 7}), ("icp", {})])
-def test_the_seed_stands_in_the_summary_of_a_method_that_uses_it(method: str, seed: dict[str, int]) -> None:
-    configured = configure_method([Scan(scan(0))], MethodOptions(method, voxel=0.4, seed=7))
-    assert configured.settings == {"method": method, "grid": {"edge": None, "voxel": 0.4}, "spectral": None, **seed}

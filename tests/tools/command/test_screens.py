@@ -1,6 +1,5 @@
 """Progress and results on terminals of 80 columns and fewer; few lines elsewhere."""
 
-import signal
 from pathlib import Path
 
 import pytest
@@ -118,21 +117,6 @@ def test_a_message_while_a_bar_is_shown_stands_above_it() -> None:
     program = COUNTING.replace("        time", "        if k == 5: say('a message')\n        time")
     shown = on_screen("from sonarmap.tools.command.terminal import say\n" + program)
     assert [line.split()[0] for line in shown.lines] == ["a", "mapping"]
-
-
-@pytest.mark.slow
-def test_a_stopped_map_says_what_is_kept(tmp_path: Path) -> None:
-    folder = tmp_path / "scans"
-    folder.mkdir()
-    write(folder, **{f"scan_{k}": scan(k % 4, scene=k // 4) for k in range(12)})
-    command = ("map", folder, "-o", tmp_path / "out", "--grid", "128")
-    shown = on_screen(SONARMAP, *command, when=r"mapping .* [2-9]/", sent=signal.SIGINT)
-    assert shown.exit_code == 130
-    words = " ".join(line.strip() for line in shown.lines)
-    assert "stopped: " in words
-    assert "pairs are done and kept in" in words
-    assert "the same command continues" in words
-    assert not (tmp_path / "out" / "map.ply").exists()
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.command.mapped import Mapped, print_pairs, warn_of_faults, way_length
+from sonarmap.tools.command.mapped import Mapped, warn_of_faults, way_length
 from sonarmap.tools.products.output.faults import contradictions, faults
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
@@ -169,13 +169,3 @@ def test_each_gap_is_told_and_many_together() -> None:
     assert faults(survey, NAMES) == [f"gap between scan{k} and scan{k + 1}{twins}{why} {k}" for k in (1, 4)]
     (many,) = faults(refusing({(k, k + 1) for k in (1, 3, 5, 7)}), NAMES)
     assert many == f"4 gaps between consecutive scans{twins}, as between scan1 and scan2{why} 1"
-
-
-@pytest.mark.slow
-def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    survey = refusing({(1, 2), (4, 5)})
-    print_pairs(survey, NAMES)
-    printed = capsys.readouterr().out
-    legend = "sigmas: how far the pair is from the final poses"
-    assert all(words in printed for words in ("chi-squared", "degrees of freedom", legend, "too weak"))
-    assert any(not pair.kept for pair in survey.pairs)

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.device.device import Device, choose_device
-from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.prepare.spectral_scan import SpectralScan
-from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.clutter_scans import (
-    clutter,
     done,
     files_in,
     plane,
@@ -109,25 +103,6 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     said(result, f"warning: {bad} is in no map: ", "more structure")
     assert result.stderr.count("more structure") == 1
     assert "gap between" not in result.stderr
-
-
-@pytest.mark.slow
-def test_an_error_of_the_method_leaves_the_map_incomplete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    register = SpectralRegistrar.register
-
-    def failing(self: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> Registration:
-        if (target.volume.name, source.volume.name) == ("a", "b"):
-            raise InputError("a slice begins at 7")
-        return register(self, target, source)
-
-    monkeypatch.setattr(SpectralRegistrar, "register", failing)
-    result = sonarmap("map", *write(tmp_path, a=scan(0), b=scan(1), c=scan(2)), "-o", tmp_path / "out", *GRID, "--json")
-    summary = printed(result, 3)
-    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2]]
-    said(result, "1 of 3 pairs ended by an error of the method", "as a and b: a slice begins at 7")
-    assert "ended by an error of the method" in summary["warnings"][0]
-    reasons = [pair["reason"] for pair in table_of(tmp_path / "out" / "pairs.csv") if pair["kept"] == "no"]
-    assert reasons == ["failed: an error of the method, not of the scans: a slice begins at 7"]
 
 
 @pytest.mark.slow
@@ -238,32 +213,12 @@ def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert words[0] in unread["reason"]
 
 
-@pytest.mark.parametrize("bad", ["a", "b", "d"])
-@pytest.mark.parametrize("case", ["nothing finite", "no bytes", "more promised", "text"])
-def test_a_bad_file_keeps_its_place_among_the_scans(tmp_path: Path, bad: str, case: str) -> None:
-    write(tmp_path, **{name: plane() for name in "abcd"})
-    (tmp_path / f"{bad}.ply").write_bytes(NOT_SCANS[case][1])
-    read = read_survey([tmp_path])
-    (unread,) = read.unread
-    assert (Path(unread.where).stem, unread.before) == (bad, "abcd".index(bad))
-    assert all(word in unread.reason for word in NOT_SCANS[case][2][1:])
-    assert [(scan.name, scan.stamp) for scan in read.scans] == [(n, "abcd".index(n)) for n in "abcd" if n != bad]
-
-
 def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path: Path) -> None:
     (tmp_path / "bad.ply").write_bytes(b"")
     for inputs, left in (([good, tmp_path / "bad.ply"], "1 of 2"), ([tmp_path / "bad.ply"], "0 of 1")):
         result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
         refused(result, "error: ", "bad.ply: the file is empty", f"{left} scans can be read; a map needs at least two")
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
-def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) -> None:
-    far = np.vstack([clutter(1), np.array([[9e4, -9e4, 3.0]])]).astype(np.float32)
-    paths = write(tmp_path, a=far, b=scan(1))
-    assert sonarmap("register", *paths, *GRID, "--voxel", "0.2").exit_code in (0, 3)
-    assert sonarmap("register", *paths, *GRID).exit_code == 0
 
 
 @pytest.mark.slow

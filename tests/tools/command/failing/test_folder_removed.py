@@ -17,7 +17,6 @@ from sonarmap.tools.lab.reproduce.run import run
 from tests.samples.clutter_scans import files_in, refused, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
 from tests.samples.experiments.fake_experiment import fake, origin
-from tests.tools.command.failing.test_nothing_lost import RESULTS
 
 GRID = ("--grid", "64")
 Removal = Callable[[Path], None]
@@ -94,13 +93,6 @@ def test_while_results_are_written(
     refused(sonarmap(verb, *arguments, "-o", out), "error: ", "" if verb == "map" else "cannot write ", str(out))
     assert not out.is_dir() or files_in(out) == {}
     assert remove is folder or out.read_text() == "mine"
-
-
-@pytest.mark.slow
-def test_before_the_map_is_written_it_is_made_again(out: Path, scans: list[str], monkeypatch: Patch) -> None:
-    when(monkeypatch, WRITE, lambda: folder(out))
-    assert sonarmap("map", *scans[:2], "-o", out, *GRID).exit_code == 0
-    assert set(files_in(out)) == RESULTS
 
 
 @pytest.mark.parametrize("remove", [folder, a_file_instead])

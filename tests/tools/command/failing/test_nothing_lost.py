@@ -3,7 +3,6 @@
 import os
 import resource
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -174,18 +173,8 @@ def test_stderr_that_is_full_hides_no_failure(scans: list[str], monkeypatch: pyt
         assert run("register", scans[0], "missing.ply", stderr=full).returncode == 2
 
 
-@pytest.mark.slow
-def test_stderr_that_is_full_is_no_failure(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
-    with Path("/dev/full").open("w") as full:
-        assert run("register", *scans[:2], *GRID, stderr=full).returncode == 0
-
-
 def as_command(*arguments: str | Path, program: str = PROGRAM) -> list[str]:
     return [sys.executable, "-c", program, *map(str, arguments)]
-
-
-CHATTY = "import sonarmap.tools.command.progress; sonarmap.tools.command.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
 
 
 @pytest.mark.slow
@@ -201,22 +190,3 @@ def test_closed_streams_are_no_error(tmp_path: Path, scans: list[str], mapped: P
     written, again = results_in(out), results_in(mapped)
     assert set(written) == RESULTS
     assert all(written[name] == again[name] for name in RESULTS - {"times.json"})
-
-
-@pytest.mark.slow
-def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
-    before = files_in(out)
-    command = as_command("map", *scans, "-o", out, *GRID, program=CHATTY)
-    mapping = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert mapping.stdout
-    assert mapping.stderr
-    while "mapping: 1 of" not in (line := mapping.stderr.readline()):
-        assert line, "it ended before it said how far it was"
-    mapping.send_signal(signal.SIGINT)
-    printed, told = mapping.communicate()
-    assert mapping.returncode == 130
-    assert printed == ""
-    assert "done and kept in" in told.splitlines()[-1]
-    assert told.endswith("journal.sqlite; the same command continues from there\n")
-    assert "Traceback" not in told
-    assert results_in(out) == before

@@ -21,9 +21,8 @@ from tests.samples.clutter_scans import refused, said, scan, sonarmap, write
         ("devices --json=3", "Option '--json' does not take a value"),
         ("map a.ply -o x --grid many", "valid integer, unable to parse string as an integer, not 'many'"),
         *((f"{verb} --out=", "is empty; give a name, or . for the current folder") for verb in (
-            "map a.ply", "simulate", "record", "compare a b", "section a", "optimize a.g2o", "bench", "template priors"
+            "map a.ply", "simulate", "record", "compare a b", "section a", "optimize a.g2o", "bench"
         )),
-        ("map a.ply -o x --grid 98", "--grid 98 is not an even product of 2, 3 and 5 from 16 to 512"),
     ],
 )  # fmt: skip
 def test_what_was_given_and_what_to_do(line: str, message: str) -> None:

@@ -241,12 +241,6 @@ def test_a_mapping_that_is_killed_again_and_again_is_given_up(monkeypatch: pytes
 
 
 @pytest.mark.slow
-def test_a_dive_that_ends_before_a_scan_was_placed_has_its_map(clutter: Path, tmp_path: Path) -> None:
-    ended(live(tmp_path, clutter, "--duration", "0.1"))
-    assert results(tmp_path) == results(clutter / "out")
-
-
-@pytest.mark.slow
 def test_a_recording_of_someone_else_ends_the_dive_when_it_is_given_its_name(swim: list[bytes], tmp_path: Path) -> None:
     part, out = tmp_path / "dive.part.sonar", tmp_path / "out"
     part.write_bytes(b"".join(swim))
@@ -256,12 +250,3 @@ def test_a_recording_of_someone_else_ends_the_dive_when_it_is_given_its_name(swi
     ended(process)
     done(sonarmap("map", tmp_path / "dive.sonar", "-o", tmp_path / "map", *OPTIONS))
     assert results(out) == results(tmp_path / "map")
-
-
-@pytest.mark.slow
-def test_without_finish_there_is_no_map_and_later_it_goes_on(clutter: Path, tmp_path: Path) -> None:
-    ended(live(tmp_path, clutter, "--replay", "0", "--no-finish"))
-    assert not (tmp_path / "map.ply").exists()
-    assert key(tmp_path, 1).is_file()
-    ended(live(tmp_path, clutter, "--replay", "0"))
-    assert results(tmp_path) == results(clutter / "out")

@@ -12,7 +12,6 @@ from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.command.live.kept_keys import KeptKey, forget_keys, has_keys, keep_key, kept_for, kept_keys
-from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.incoming import Mark
 from tests.samples.clutter_scans import scan
 
@@ -74,13 +73,6 @@ def test_a_damaged_or_missing_one_ends_the_list(tmp_path: Path, damage: str) -> 
     assert said == [] if damage == "gone" else [f"{path} is damaged and left out; what it held is mapped again"]
 
 
-def test_after_a_damaged_one_the_list_goes_on_with_new_ones_only(tmp_path: Path) -> None:
-    keep(tmp_path, 5)
-    (tmp_path / "live" / "key_00001.npz").write_bytes(b"7")
-    keep_key(tmp_path, 1, key(7))
-    assert [each.scan.name for each in kept_keys(tmp_path)] == ["001#0", "001#21"]
-
-
 def test_every_damage_ends_the_list_and_nothing_else(tmp_path: Path) -> None:
     keep(tmp_path, 1)
     (path,) = (tmp_path / "live").glob("key_*.npz")
@@ -132,15 +124,6 @@ def test_other_inputs_forget_them_and_the_same_keep_them(tmp_path: Path, monkeyp
     assert not leftover.exists()
     with kept_for(out, ["dive 2"]):
         assert not has_keys(out)
-
-
-def test_other_settings_forget_them_and_the_same_keep_them(tmp_path: Path) -> None:
-    with kept_for(tmp_path, ["dive"], [Corrections(), 0.1]):
-        keep(tmp_path, 2)
-    with kept_for(tmp_path, ["dive"], [Corrections(), 0.1]):
-        assert has_keys(tmp_path)
-    with kept_for(tmp_path, ["dive"], [Corrections(sound_speed=1480.0), 0.1]):
-        assert not has_keys(tmp_path)
 
 
 def test_forgetting_leaves_what_is_no_key(tmp_path: Path) -> None:

@@ -91,17 +91,6 @@ def begun(out: Path, to: tuple[str, int]) -> RecordingProcess:
     return process
 
 
-@pytest.mark.slow
-def test_one_that_was_killed_before_anything_came_leaves_no_file(tmp_path: Path, to: tuple[str, int]) -> None:
-    process = begun(tmp_path, to)
-    os.kill(recorders(tmp_path)[0], signal.SIGKILL)
-    until(lambda: heard(process))
-    sent(tmp_path, "002.part.sonar", PACKETS[:6], to)
-    assert size(tmp_path, "001.part.sonar") == 0
-    process.end()
-    assert files(tmp_path) == ["002.sonar"]
-
-
 def owned(out: Path, to: tuple[str, int], program: str = OWNER) -> "subprocess.Popen[str]":
     """A process that has one, and prints what it says."""
     command = [sys.executable, "-c", program, str(out), *options(to)]
@@ -227,16 +216,3 @@ def test_a_folder_that_cannot_be_is_said(tmp_path: Path, to: tuple[str, int]) ->
     (tmp_path / "recording").write_bytes(b"7")
     with pytest.raises(InputError, match=r"cannot record to .*recording: File exists"):
         RecordingProcess(tmp_path, options(to))
-
-
-@pytest.mark.slow
-def test_it_begins_when_the_port_is_free(tmp_path: Path, to: tuple[str, int]) -> None:
-    first = begun(tmp_path, to)
-    other = RecordingProcess(tmp_path / "other", options(to))
-    said = list[str]()
-    until(lambda: said.extend(heard(other)) or any("begins again" in line for line in said))
-    assert f"cannot listen at {to[0]}:{to[1]}" in " ".join(said)
-    assert files(tmp_path / "other") == []
-    first.end()
-    until(lambda: heard(other) or size(tmp_path / "other", "001.part.sonar") >= 0)
-    other.end()

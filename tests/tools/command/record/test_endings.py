@@ -157,25 +157,6 @@ SHOTS, TIMES = 12_000, 10.0  # ten minutes at 20 Hz in one, which is harder for 
 
 
 @pytest.mark.slow
-def test_nothing_is_lost_while_the_disk_takes_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half a second, of which the receive buffer holds a half."""
-    monkeypatch.setattr("sonarmap.tools.command.record.recorder._OVER", 1)  # so that the disk is waited for each second
-    monkeypatch.setattr("sonarmap.tools.command.record.receiver.WANTED_BUFFER", 1 << 18)
-    waited = list[float]()
-
-    def fsync(_: int) -> None:
-        waited.append(time.monotonic())
-        time.sleep(0.5)
-
-    monkeypatch.setattr(os, "fsync", fsync)
-    packets = [packet.content for packet in recording(300)]
-    status, _ = record_while(tmp_path / "dive.sonar", lambda to: send(packets, to, 400.0))
-    assert len(waited) > 1
-    assert status.path.read_bytes() == b"".join(packets)
-    assert (status.unsaved, status.overflow, status.tally.missing) == (0, 0, 0)
-
-
-@pytest.mark.slow
 def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """While the first 200 packets are sent, the disk is waited for."""
     monkeypatch.setattr("sonarmap.tools.command.record.recorder._OVER", 1)

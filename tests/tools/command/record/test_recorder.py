@@ -6,7 +6,6 @@ import time
 from ipaddress import IPv4Address
 from pathlib import Path
 
-import numpy as np
 import pytest
 import wlsonar
 from wlsonar import range_image_protocol as rip
@@ -14,12 +13,11 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.record.receiver import GROUP as DEFAULT_GROUP
 from sonarmap.tools.command.record.receiver import Source, open_socket, overflow_of, source_of, system_buffer
-from sonarmap.tools.command.record.recorder import IMU, RANGES, STRENGTHS
-from sonarmap.tools.files.readers.sonar.recording import Recording
+from sonarmap.tools.command.record.recorder import RANGES, STRENGTHS
 from tests.samples.clutter_scans import refused, sonarmap
-from tests.samples.live.recorded import messages_by_wlsonar, record_while
-from tests.samples.live.sender import LOOPBACK, free_port, full_size, sender
-from tests.samples.recordings import PacketOf, disturbed, imu_packets, recording, with_checksum
+from tests.samples.live.recorded import record_while
+from tests.samples.live.sender import LOOPBACK, free_port, sender
+from tests.samples.recordings import PacketOf, disturbed, recording, with_checksum
 
 OTHER = "127.0.0.2"
 GROUP = "239.255.47.47"  # of those that no router hands on
@@ -61,20 +59,6 @@ def test_losses_are_counted_and_all_else_is_in_the_file(tmp_path: Path) -> None:
     assert (status.unsaved, status.overflow, status.senders.damaged, status.senders.foreign) == (0, 0, 0, 0)
     assert [path.name for path in tmp_path.iterdir()] == ["dive.sonar"]
     assert not any("busy:" in words or "slow" in words for words in warnings)
-
-
-def test_the_file_is_read_by_our_reader_and_by_wlsonar(tmp_path: Path) -> None:
-    packets = contents(30)
-    imu = imu_packets(6.0, lambda _: np.array([0.0, 0.0, -9.81]), np.zeros(3))
-    status, _ = record_while(tmp_path / "dive.sonar", lambda to: send_all([*packets, *imu], to))
-    assert [type(message) for message in messages_by_wlsonar(status.path)] == [
-        *[rip.RangeImage, rip.BitmapImageGreyscale8] * 30,
-        *[rip.ImuBatch] * 60,
-    ]
-    assert status.tally.kinds[IMU].came == 60
-    read = Recording()
-    assert len(list(read.read(status.path))) == read.shots == status.tally.shots == 30
-    assert read.notes() == []
 
 
 def test_what_is_not_the_sonars_is_counted_and_left_out(tmp_path: Path) -> None:
@@ -172,20 +156,6 @@ def test_a_group_takes_nothing_that_is_sent_to_an_address(tmp_path: Path, interf
 
     status, _ = record_while(tmp_path / "dive.sonar", sends, GROUP, interface=interface)
     assert status.path.read_bytes() == b"".join(packets[10:])
-
-
-def test_images_of_the_full_size_and_the_clock(tmp_path: Path) -> None:
-    ahead = 100.0
-
-    def sends(to: tuple[str, int]) -> None:
-        with sender() as sending:
-            for shot in range(8):
-                for content in list(full_size(1, 20.0, shot, time.time() + ahead)):
-                    sending.sendto(content, to)
-
-    status, _ = record_while(tmp_path / "dive.sonar", sends)
-    assert status.size > 8 * 30_000
-    assert status.tally.clock.first == pytest.approx(ahead, abs=8)
 
 
 def test_the_sonars_own_group_is_the_default() -> None:

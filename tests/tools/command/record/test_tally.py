@@ -27,14 +27,6 @@ def test_the_clock_is_told_by_the_packets_that_took_the_least_time() -> None:
     assert clock.latest == pytest.approx(2.5 - 0.040 + 0.15, abs=0.06)
 
 
-def test_a_clock_that_is_set_while_recording_is_told_within_twenty_seconds() -> None:
-    clock = ClockOffset()
-    for k in range(500):
-        clock.add(k / 20 - (3600.0 if k > 100 else 0.0), k / 20 + 0.02)
-    assert clock.first == pytest.approx(-0.02)
-    assert clock.latest == pytest.approx(-3600.02)
-
-
 def shot(number: int, stamp: float) -> bytes:
     image = rip.RangeImage(width=1, height=1, image_pixel_data=[5])
     image.header.sequence_id = number

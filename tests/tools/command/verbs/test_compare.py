@@ -175,10 +175,3 @@ def test_surveys_of_one_map(maps: dict[str, Path], tmp_path: Path) -> None:
     assert (pair["old"], pair["new"], pair["alignment"]) == ("survey 0", "survey 1", None)
     assert set(files_in(tmp_path / "out" / "survey_0_1")) == FILES
     assert [region["kind"] for region in pair["regions"]] == ["lost"]
-
-
-@pytest.mark.slow
-def test_maps_of_one_frame_are_compared_as_they_are(maps: dict[str, Path], tmp_path: Path) -> None:
-    """None of them lies on the Earth."""
-    same = printed(sonarmap("compare", maps["old"], maps["old"], "-o", tmp_path, "--same-frame", "--json"))
-    assert (same["alignment"], same["regions"], same["areas_m2"]["new_only"]) == (None, [], 0)

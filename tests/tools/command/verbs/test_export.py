@@ -1,14 +1,11 @@
 """`sonarmap export` and `map --export` end to end."""
 
 import json
-import math
 from pathlib import Path
-from typing import Any
 
 import laspy
 import numpy as np
 import pytest
-import rasterio
 
 from sonarmap.tools.command.output import EarthPlace
 from sonarmap.tools.files.map_folder.folder import read_map_folder
@@ -48,33 +45,6 @@ def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_p
     assert said["crs"] is None
 
 
-@pytest.mark.parametrize("origin", [(), ORIGIN])
-def test_a_grid_in_the_map_s_own_frame(mapped: Path, tmp_path: Path, origin: tuple[str, ...]) -> None:
-    """Whether its place is known or not: by a loop over the points."""
-    asked = ("--format", "geotiff", "--crs", "map", "--cell", "2", "--height", "shoalest")
-    done(sonarmap("export", mapped, "-o", tmp_path, *asked, *origin))
-    folder = read_map_folder(mapped)
-    surface = folder.surface(folder.parts[0])
-    cells: dict[tuple[int, int], list[int]] = {}
-    for k, (x, y, _) in enumerate(surface.points.tolist()):
-        cells.setdefault((math.floor(x / 2), math.floor(y / 2)), []).append(k)
-    with rasterio.open(tmp_path / "grid.tif") as raster:
-        assert raster.crs is None
-        left, top = (edge(cell[k] for cell in cells) for k, edge in ((0, min), (1, max)))
-        assert raster.transform == rasterio.Affine(2, 0, 2 * left, 0, -2, 2 * (top + 1))
-        assert raster.descriptions[0] == "height above the zero of the map's frame"
-        height, sigma, count = raster.read(masked=True)
-    assert height.count() == len(cells)
-    for (x, y), members in cells.items():
-        best = max(members, key=lambda k: surface.points[k, 2])
-        assert height[top - y, x - left] == pytest.approx(surface.points[best, 2], abs=1e-4)
-        assert sigma[top - y, x - left] == pytest.approx(surface.height_sigma[best], rel=1e-5)
-        assert count[top - y, x - left] == sum(surface.columns["count"][k] for k in members)
-    said = json.loads((tmp_path / "grid.tif.json").read_text())
-    assert said["frame"].startswith("the map's")
-    assert (said["crs"], said["origin"]) == (None, None)
-
-
 def test_json_lists_the_files(mapped: Path, tmp_path: Path) -> None:
     result = sonarmap("export", mapped, "-o", tmp_path, "--format", "kmz", *ORIGIN, "--json")
     said = json.loads(result.stdout)
@@ -91,15 +61,6 @@ def test_what_no_option_says_stays_as_the_map_has_it(mapped: Path, tmp_path: Pat
         said = json.loads((tmp_path / "gis" / "map.laz.json").read_text())
         assert (said["vertical_epsg"], said["origin"]["x_axis_true_heading_deg"]) == (5773, 12.5)
         assert said["crs"]["epsg"] == (25832 if extra else 32632)
-
-
-def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
-    done(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz", "--origin", "-33.8568,-70.5"))
-    crs: Any = laspy.read(tmp_path / "map.laz").header.parse_crs()
-    assert crs.to_epsg() == 32719
-    done(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz", "--origin", "33°51.408'S, 70°30'W,2"))
-    origin = json.loads((tmp_path / "map.laz.json").read_text())["origin"]
-    assert (origin["latitude_deg"], origin["longitude_deg"]) == pytest.approx((-33.8568, -70.5))
 
 
 @pytest.mark.parametrize(

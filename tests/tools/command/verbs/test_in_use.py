@@ -1,14 +1,11 @@
 """`sonarmap view`, and a map's folder that another run uses: refused with what to do, and nothing is lost."""
 
-import json
 import webbrowser
 from pathlib import Path
 
 import pytest
 
 from sonarmap.tools.files.writers.atomic import locked
-from sonarmap.tools.products.export import mcap
-from tests.samples import command_line
 from tests.samples.clutter_scans import done, files_in, refused, said, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
 
@@ -55,31 +52,6 @@ def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pyte
     (out / "report.html").write_text("it")
     with locked(out, writing=True):
         assert sonarmap("view", out).exit_code == 0
-
-
-@pytest.mark.parametrize(
-    ("verb", "options", "other", "files"),
-    [
-        ("export into it", (), "map", {"map.mcap", "map.mcap.json"}),
-    ],
-)
-@pytest.mark.slow
-def test_another_that_begins_meanwhile_is_refused(
-    out: Path, verb: str, options: tuple[str, ...], other: str, files: set[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It begins when the first has a file that is not yet under its name."""
-    tried, write = [], mcap.write_mcap
-
-    def slow(path: Path, *arguments: object) -> None:
-        write(path, *arguments)
-        assert list(out.glob(".sonarmap.*"))
-        tried.append(command_line.sonarmap(*map(str, commands(out)[other])))
-
-    monkeypatch.setattr(mcap, "write_mcap", slow)
-    done(sonarmap(*commands(out)[verb], *options))
-    assert [(ended.returncode, "in use" in ended.stderr) for ended in tried] == [(2, True)]
-    listed = json.loads((out / "summary.json").read_text())["files"]
-    assert files <= {*listed} & {path.name for path in out.iterdir()}
 
 
 @pytest.fixture

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.command import overview
 from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
-from sonarmap.tools.files.readers.checks import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.clutter_scans import printed, refused, said, scan, sonarmap, write
 from tests.samples.places import DATA
-from tests.samples.recordings import imu_packets, recording, shot_packets, written
+from tests.samples.recordings import imu_packets, shot_packets
 
 REAL = DATA / "sonar3d15" / "ship_short.sonar"
 
@@ -76,14 +74,6 @@ class TestRecording:
         faster = as_json(dive, "--sound-speed", 1500)
         assert faster["next"] == f"sonarmap map {dive} --sound-speed 1500 -o map/"
         assert plain["farthest_m"] < faster["farthest_m"] < 1.02 * plain["farthest_m"]
-
-    @pytest.mark.slow
-    def test_a_long_one_is_read_scan_by_scan_with_progress(self, tmp_path: Path) -> None:
-        """No scan is kept, and something is shown every hundred."""
-        path = written(tmp_path / "long.sonar", recording(250))
-        steps: list[tuple[int, int, str]] = []
-        assert len(overview.overview_of([path], progress=lambda *step: steps.append(step)).names) == 250
-        assert steps == [(0, 1, "long.sonar: 100 scans"), (0, 1, "long.sonar: 200 scans"), (1, 1, "long.sonar")]
 
 
 class TestOtherFormats:
@@ -152,18 +142,6 @@ class TestImuOption:
     def test_a_method_without_priors_does_not_use_it(self, pair: Path, options: list[str]) -> None:
         shots = [f"{pair / 'dive.sonar'}#{k}" for k in (0, 1)]
         said(sonarmap("register", *shots, *options, "--voxel", "1"), "2 of 2 scans: their own IMU is not used")
-
-
-class TestClock:
-    def test_by_hand(self) -> None:
-        clock = clock_of(np.array([10.0, 10.5, 11.0, 11.0, 13.25, 13.75]))
-        assert (clock.start, clock.end, clock.period, clock.rate) == (10.0, 13.75, 0.5, 2.0)
-        assert (clock.gaps, clock.longest, clock.backward, clock.still, clock.steps) == (1, 2.25, 1, 1, 5)
-
-    def test_of_a_single_scan_and_of_times_beyond_all_calendars(self) -> None:
-        assert clock_of(np.array([5.0])).rate is None
-        assert utc(1e18) == "1e+18 s"
-        assert clock_faults(clock_of(np.array([1e18, 1e18 + 500])), 1e9)
 
 
 def test_an_empty_recording_is_refused(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 import shutil
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 import sonarmap as sonarmap_package
-from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.map_folder.scans import mapped_scans
@@ -19,7 +17,6 @@ from sonarmap.tools.products.export.clouds import Cloud
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of
 from tests.samples.lines import HERE, gsf_of
 from tests.slam.pings.simulated_lines import WRONG, Biases, Survey, simulated
-from tests.tools.files.readers.pings.samples import START
 from tests.tools.products.export.test_points_of_scans import same_as_fused
 
 PINGS, LANES = 250, 3
@@ -90,14 +87,6 @@ def test_lines_agree_better_where_they_overlap(mapped: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_single_line_is_placed_by_its_navigation(survey: Survey, tmp_path: Path) -> None:
-    (file, *_) = survey_of(tmp_path, survey)
-    summary = printed(sonarmap("map", file, "-o", tmp_path / "out", "--json"))
-    assert summary["components"] == 1 or len(summary["components"]) == 1
-    assert json.loads((tmp_path / "out" / "lines.json").read_text())["crossings"] is None
-
-
-@pytest.mark.slow
 def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
     files = survey_of(tmp_path, simulated(4, WRONG, rms=0.6, pings=PINGS, beams=128))
     result = done(sonarmap("map", *files, "-o", tmp_path / "out", "--patch-test"))
@@ -123,20 +112,6 @@ def test_options_that_lines_cannot_have_are_refused(survey: Survey, tmp_path: Pa
     refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
     refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "says its own")
     refused(sonarmap("map", file, "-o", tmp_path, "--range-scale", "1.02"), "leave it out")
-
-
-@pytest.mark.slow
-def test_lines_of_two_sites_are_no_map_together(survey: Survey, tmp_path: Path) -> None:
-    """The span is from the earliest ping to the latest, in whatever order; the next command works."""
-    gsf_of(tmp_path / "0.gsf", survey.recorded[0], start=START + 1e6)
-    gsf_of(tmp_path / "1.gsf", survey.recorded[1], Georeference(17.8, -64.6))
-    shown = printed(sonarmap("inspect", tmp_path, "--json"))
-    clock = shown["clock"]
-    assert clock["end"] - clock["start"] == pytest.approx(1e6, rel=1e-3)
-    assert any("2 sites, too far apart for one map" in note for note in shown["notes"])
-    refused(sonarmap("map", tmp_path, "-o", tmp_path / "all"), "wanted all within 200 km")
-    _, *words = shlex.split(shown["next"].replace("-o map/", f"-o {tmp_path / 'out'} --grid 32"))
-    assert sonarmap(*words).exit_code == 0
 
 
 def test_inspect_shows_lines(survey: Survey, tmp_path: Path) -> None:

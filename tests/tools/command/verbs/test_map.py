@@ -11,7 +11,7 @@ from typer.testing import Result
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
-from sonarmap.tools.files.readers.scans import read_scan, read_survey
+from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.writers.poses import write_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from tests.samples.clutter_scans import (
@@ -137,15 +137,6 @@ def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
     assert times["peak_memory_bytes"] > 2**20
 
 
-def test_scans_of_one_name_keep_their_folders(tmp_path: Path) -> None:
-    for folder, pose in (("dive 1", 0), ("dive 2", 1)):
-        (tmp_path / folder).mkdir()
-        write(tmp_path / folder, scan=scan(pose))
-    read = read_survey([tmp_path / "dive 1", tmp_path / "dive 2"])
-    names = [str(tmp_path / "dive 1" / "scan.ply"), str(tmp_path / "dive 2" / "scan.ply")]
-    assert [scan.name for scan in read.scans] == names
-
-
 @pytest.mark.slow
 def test_any_file_name_will_do(tmp_path: Path) -> None:
     write(tmp_path, **{"1 a\nb\x1b[2J": scan(0), "2 [x] $é$ 深 \udcff": scan(1)})
@@ -200,15 +191,6 @@ def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
         assert [one["name"] for one in json.loads(again.stdout)["scans"]] == ["a", "b"]
         said(again, "whose files are no scans: left out map.ply")
         assert set(files_in(tmp_path)) == set(before)
-
-
-@pytest.mark.slow
-def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:
-    paths = write(tmp_path, scan_2=scan(0), scan_10=scan(1))
-    told = sonarmap("map", *reversed(paths), "-o", tmp_path / "out", *GRID, "--json")
-    assert [one["name"] for one in json.loads(told.stdout)["scans"]] == ["scan_2", "scan_10"]
-    said(told, "not the order in which they were given")
-    assert sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json").stderr == ""
 
 
 @pytest.mark.slow

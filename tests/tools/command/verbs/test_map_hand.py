@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, said, scan, sonarmap, table_of, write
-from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 GRID = ("--grid", "64", "--no-report")
 SCANS = 8
@@ -129,14 +127,6 @@ def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_pa
 
 
 @pytest.mark.slow
-def test_a_wrong_point_is_named(dive: Path, out: Path, tmp_path: Path) -> None:
-    result = sonarmap("map", dive, "-o", out, *GRID, "--control", control_file(tmp_path, dive, off=7.0, check=9))
-    said(result, "warning: the control point P5 in scan_005 is", "it is left out")
-    summary = json.loads((out / "summary.json").read_text())
-    assert [row["name"] for row in summary["control"]["left_out"]] == ["P5"]
-
-
-@pytest.mark.slow
 def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
     """Nothing says how the second lies to the first but what its scans look like; each has a layer of its own."""
     for name, members in (("a", (0, 1)), ("b", (2, 3))):
@@ -161,23 +151,3 @@ def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
     doubtful = [row["seen_by_too_few"] for row in summary["components"][0]["surveys"].values()]
     assert [len(whole) - len(layer) for whole, layer in zip(wholes, layers, strict=True)] == doubtful
     assert max(map(len, layers)) < len(read_scan(out / "map.ply").points) < sum(map(len, layers))
-
-
-@pytest.mark.slow
-def test_what_a_killed_run_had_half_written_goes(tmp_path: Path) -> None:
-    write(tmp_path, **{f"scan_{k}": scan(k) for k in range(2)})
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / ".sonarmap.abc123.ply").write_bytes(b"ply\nhalf")
-    (out / ".sonarmap").write_text("mine")
-    assert sonarmap("map", tmp_path, "-o", out, "--grid", "64", "--quiet").exit_code == 0
-    assert {name for name in files_in(out) if name.startswith(".")} == {".sonarmap"}
-
-
-@pytest.mark.slow
-def test_two_surveys_of_one_scan_each_have_no_pair_to_try() -> None:
-    """One pair alone never joins two surveys, so that there is nothing to find out."""
-    truth = ring_poses(2, turns=0.1)
-    result = Mapper(KnowingRegistrar(truth, np.eye(6) * 1e-4), 0.5).run(scans_of(truth), surveys=[0, 1])
-    assert result.components == ((0,), (1,))
-    assert result.gaps == ()

@@ -134,28 +134,3 @@ def test_the_wrong_fix_is_named_and_left_out(mapped: Path, dive: Path) -> None:
     assert len(estimate) == SCANS
     away = estimate.T_world_sensor.translation - truth.T_world_sensor.translation
     assert np.linalg.norm(away, axis=1).max() < 6  # fixes of 3 m
-
-
-@pytest.mark.slow
-def test_the_graph_gives_the_maps_poses(mapped: Path, tmp_path: Path) -> None:
-    again = tmp_path / "again.g2o"
-    done(sonarmap("optimize", str(mapped / "graph.g2o"), "-o", str(again), "--json"))
-
-    def poses(path: Path) -> np.ndarray:
-        lines = [line.split() for line in path.read_text().splitlines() if line.startswith("VERTEX")]
-        return np.array([[float(cell) for cell in line[2:5]] for line in lines])
-
-    np.testing.assert_allclose(poses(again), poses(mapped / "graph.g2o"), atol=1e-6)
-
-
-@pytest.mark.slow
-def test_how_sure_positions_are_is_chosen_and_checked(tmp_path: Path) -> None:
-    words = "simulate --scene harbor --scans 2 --priors position --seed 3"
-    for sigma, folder in (("1", "sure"), ("3", "usual")):
-        done(sonarmap(*words.split(), "--fix-sigma", sigma, "-o", tmp_path / folder))
-    truth = read_tum(tmp_path / "sure" / "truth.tum").T_world_sensor[1].translation
-    sure, usual = (table_of(tmp_path / folder / "priors.csv")[1] for folder in ("sure", "usual"))
-    assert [float(row["x_sigma_m"]) for row in (sure, usual)] == [1.0, 3.0]
-    # the same draw, a third as far off
-    off = [np.array([float(row["x_m"]), float(row["y_m"])]) - truth[:2] for row in (sure, usual)]
-    np.testing.assert_allclose(3 * off[0], off[1], atol=1e-5)

@@ -1,6 +1,5 @@
 """`sonarmap optimize` end to end: what it tells, what it writes, what it refuses."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -224,18 +223,6 @@ def test_random_poses_do_not_matter_to_the_chordal_start(name: str, tmp_path: Pa
     assert summary["certificate"]["verdict"] == "certified"
     full = told(tmp_path / "in.g2o")
     assert full["chi_squared_after"] == pytest.approx(graph.optimize().chi_squared_after, rel=1e-6)
-
-
-@pytest.mark.quick_cases(1)
-@needs_graphs
-@pytest.mark.parametrize("name", ["tinyGrid3D", "smallGrid3D"])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_from_random_poses_the_certificate_tells_what_was_found(name: str, seed: int, tmp_path: Path) -> None:
-    write_g2o(tmp_path / "in.g2o", scrambled(read_g2o(GRAPHS / f"{name}.g2o"), seed))
-    options = ("--objective", "isotropic", "--start", "given", "--json")
-    summary = json.loads(sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o", *options).stdout)
-    reached = summary["cost_after"] < BEST[name] * (1 + 1e-5)
-    assert (summary["certificate"]["verdict"] == "certified") == reached
 
 
 @pytest.mark.quick_cases(1)

@@ -5,17 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 
 from sonarmap.tools.files.readers.clouds.ply import read_ply
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
-from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.bags.messages import CLOUD, ODOMETRY, STAMP, cloud, odometry
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import las
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, printed, refused, scan, sonarmap
-from tests.samples.places import DATA
 
 GPS = STAMP - 315_964_800 + 18 - 1_000_000_000  # adjusted standard GPS time
 COUNT, GRID = 3, ("--grid", "32", "--voxel", "0.6", "--loops", "0")
@@ -100,32 +97,3 @@ def test_scans_of_a_recording_are_registered(dives: dict[str, Path]) -> None:
     np.testing.assert_allclose(T, (T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]).as_matrix(), atol=0.1)
     result = sonarmap("register", dives["mcap"], f"{dives['mcap']}#1")
     refused(result, "dive.mcap holds 3 scans (dive#0 to dive#2), and one is needed here: choose one, as in")
-
-
-REAL = DATA / "sonar3d15" / "ship_short.sonar"
-
-
-@pytest.mark.slow
-def test_a_real_recording_and_its_clouds_in_other_formats_are_one_map(tmp_path: Path) -> None:
-    if not REAL.is_file():
-        pytest.skip(f"no real recording at {REAL}")
-    scans = read_scans([REAL]).scans
-    tables = [
-        np.column_stack([each.points, each.strength]).astype(np.float32) for each in scans if each.strength is not None
-    ]
-    records: list[Record] = [
-        ("/points", CLOUD, each.stamp, cloud(table, each.stamp)) for each, table in zip(scans, tables, strict=True)
-    ]
-    dives = {"sonar": REAL, **in_formats(tmp_path, tables, [each.stamp for each in scans], records)}
-    maps, tracks = {}, {}
-    for kind, path in dives.items():
-        out = tmp_path / "out" / kind
-        done(sonarmap("map", path, "-o", out, "--grid", "64", "--quiet"))
-        maps[kind] = read_ply((out / "map.ply").read_bytes())[0].points
-        tracks[kind] = read_tum(out / "trajectory.tum")
-    voxel = json.loads((tmp_path / "out" / "sonar" / "summary.json").read_text())["components"][0]["map"]["voxel_m"]
-    for kind in ("mcap", "ros2", "laz", "ply"):
-        apart = tracks[kind].T_world_sensor.translation - tracks["sonar"].T_world_sensor.translation
-        assert np.abs(apart).max() < 0.1 * voxel
-        for one, other in ((kind, "sonar"), ("sonar", kind)):
-            assert (KDTree(maps[one]).query(maps[other])[0] <= voxel).mean() > 0.99

@@ -89,14 +89,6 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert unknown.startswith(f"{refusal}\n")
 
 
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("options", ["--set hypotheses=1", "--voxel 0.4"])
-def test_a_good_pair_with_options(pair: list[str], options: str) -> None:
-    found = as_json(*pair, *options.split())
-    check_transform(found)
-    assert (found["voxel"] == 0.4) == ("--voxel" in options)
-
-
 def test_a_good_pair_in_words(pair: list[str]) -> None:
     result = sonarmap("register", *pair, *GRID)
     assert (result.exit_code, result.stderr) == (0, "")
@@ -135,21 +127,6 @@ def test_the_transform_in_words(shift: list[float], turn: list[float], words: st
         assert words in transform_words(RigidTransform.from_components(shift, R))
 
 
-@pytest.mark.parametrize(
-    ("axis", "words", "point", "moved"),
-    [
-        ("y", "nose down", [1, 0, 0], [0, 0, -1]),  # its bow points down
-        ("x", "right side down", [0, -1, 0], [0, 0, -1]),  # its starboard side is down
-        ("z", "to the left", [1, 0, 0], [0, 1, 0]),  # it looks to port
-    ],
-)
-def test_the_words_mean_what_a_diver_would_see(axis: str, words: str, point: list[int], moved: list[int]) -> None:
-    """Without Euler angles: where a point of the source's frame comes to lie in the target's."""
-    T = RigidTransform.from_rotation(Rotation.from_euler(axis, 25, degrees=True))
-    assert words in transform_words(T)
-    assert T.apply(point) @ moved > 0.4
-
-
 def test_two_scans_of_different_places_are_refused_and_none_is_moved(tmp_path: Path) -> None:
     pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
     result = sonarmap("register", *pair, *GRID, "--json", "-o", tmp_path / "moved.ply")
@@ -158,21 +135,6 @@ def test_two_scans_of_different_places_are_refused_and_none_is_moved(tmp_path: P
     assert (found["accepted"], "written" in found) == (False, False)
     assert result.stderr == f"warning: {tmp_path / 'moved.ply'} is not written, as the registration is not reliable\n"
     assert set(files_in(tmp_path)) == {"here.ply", "there.ply"}
-
-
-@pytest.mark.slow
-def test_the_scan_of_another_place_is_refused_whatever_its_grid(tmp_path: Path) -> None:
-    pair = write(tmp_path, here=scan(0, scene=3), there=scan(1, scene=4))
-    assert [sonarmap("register", *pair, "--grid", edge).exit_code for edge in ("16", "32", "128")] == [3, 3, 3]
-
-
-def test_a_scan_with_itself_is_the_identity(pair: list[str]) -> None:
-    np.testing.assert_allclose(as_json(pair[0], pair[0])["T_target_source"], np.eye(4), atol=1e-3)
-
-
-def test_double_coordinates_are_read(tmp_path: Path) -> None:
-    pair = write(tmp_path, target=scan(0).astype(np.float64), source=scan(1).astype(np.float64))
-    check_transform(as_json(*pair))
 
 
 def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_path: Path) -> None:
@@ -199,20 +161,6 @@ def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: 
     assert "0.300 m and 2.00° in the worst direction" in capsys.readouterr().out
 
 
-@pytest.mark.slow
-def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
-    strengths = np.random.default_rng(7).uniform(0, 1, 7200).astype(np.float32)
-    paths = [tmp_path / "target.ply", tmp_path / "source.ply"]
-    for k, path in enumerate(paths):
-        write_ply(path, scan(k), {"intensity": strengths})
-    weighted, by_shape, default = (
-        json.loads(sonarmap("register", *paths, "--grid", "32", "--json", *options).stdout)
-        for options in (("--set", "use_strength=true"), ("--set", "use_strength=false"), ())
-    )
-    assert weighted["psr"] != by_shape["psr"]
-    assert default["psr"] == by_shape["psr"]
-
-
 def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
     refused(
         sonarmap("register", *pair, *GRID, "--set", "use_strength=true"), "no scan has echo strengths", "Leave it out"
@@ -220,9 +168,6 @@ def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) 
     write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
     mixed = done(sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--set", "use_strength=true"))
     said(mixed, "1 of 2 scans have no echo strength")
-
-
-T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
 
 
 @pytest.fixture

@@ -11,10 +11,9 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import lengths
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
-from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.maps import export_map
-from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
+from sonarmap.tools.products.compare.cloud import PointCloud
 from sonarmap.tools.products.compare.comparison import Alignment, CompareSettings, compare_maps
 from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import Epoch
@@ -167,29 +166,9 @@ def test_bad_files(folder: Map, tmp_path: Path) -> None:
             PointCloud.read(path, folder)
 
 
-def test_two_clouds_and_none(folder: Map, tmp_path: Path) -> None:
-    points = folder.parts[0].points
-    write_ply(tmp_path / "a.ply", points)
-    with pytest.raises(InputError, match="both are point clouds; wanted the folder"):
-        opened_surveys(points, tmp_path / "a.ply", None, Map.open)
-    with pytest.raises(InputError, match="--cloud-sigma has no effect without"):
-        opened_surveys(folder, folder, 0.1, lambda given: given)
-    cloud, beside, _ = opened_surveys(tmp_path / "a.ply", folder, 0.1, lambda given: given)
-    assert isinstance(cloud, PointCloud)
-    assert (cloud.sigma, beside) == (0.1, folder)
-    assert compare_maps(cloud, beside, None, CompareSettings()).alignment is None
-
-
 def test_large_coordinates_are_counted_from_nearby(folder: Map) -> None:
     points, far = folder.parts[0].points, np.array([450_123.0, 6_651_234.0, 0])
     cloud = PointCloud.of_points(points + far, folder)
     assert "its coordinates are counted from 450000, 6651000, 0 m" in cloud.notes[1]
     assert np.abs(cloud.points).max() < 1000
     assert cloud.weight.sum() == len(points)
-
-
-def test_views_of_a_map_lie_in_its_cloud(folder: Map) -> None:
-    real = surveyed_map(folder)
-    made_up = PointCloud.of_points(folder.parts[0].points, folder).seen_as(real)
-    assert set(made_up.seen_by.tolist()) == set(range(len(made_up.covariances)))
-    assert len(made_up.key_scan(made_up.apart[0]).points) >= 50

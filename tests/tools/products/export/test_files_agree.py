@@ -112,27 +112,3 @@ def test_loops_are_those_of_the_map(exported: tuple[Path, Map]) -> None:
     assert len(loops) == len(folder.loops) > 0
     assert [loop["kept"] for loop in loops] == [loop.kept for loop in folder.loops]
     assert (out / "graph.g2o").read_bytes() == (folder.path / "graph.g2o").read_bytes()
-
-
-@pytest.mark.slow
-def test_the_picture_lies_on_the_grid(exported: tuple[Path, Map]) -> None:
-    """Of map.kmz, placed by GDAL as by Google Earth: within one cell of what grid.tif has, and the other way round."""
-    import rasterio
-    from pyproj import Transformer
-    from scipy.ndimage import distance_transform_cdt
-
-    out, _ = exported
-    with rasterio.open(out / "map.kmz") as picture, rasterio.open(out / "grid.tif") as grid:
-        assert picture.crs.to_epsg() == 4326
-        rows, columns = np.nonzero(picture.read(4))
-        filled = np.pad(~grid.read_masks(1).astype(bool), 2, constant_values=True)
-        to_grid = Transformer.from_crs(4326, grid.crs.to_epsg(), always_xy=True)
-        # pyrefly: ignore[unsupported-operation]
-        east, north = to_grid.transform(*(picture.transform @ (columns + 0.5, rows + 0.5)))
-        column, row = np.floor(~grid.transform @ (east, north)).astype(int) + 2
-    away = np.asarray(distance_transform_cdt(filled, "chessboard"))  # of a cell from the next that holds points
-    assert away[row, column].max() <= 1
-    drawn = np.ones(filled.shape, bool)
-    drawn[row, column] = False
-    assert np.asarray(distance_transform_cdt(drawn, "chessboard"))[~filled].max() <= 1
-    assert len(row) > 100

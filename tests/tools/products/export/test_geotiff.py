@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import Transformer
-from rasterio.windows import Window
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
@@ -169,19 +168,6 @@ def test_holes_of_a_grid_are_said(tmp_path: Path) -> None:
     with rasterio.open(tmp_path / "grid.tif") as raster:
         # pyrefly: ignore[missing-attribute]
         assert said["empty_share"] == pytest.approx(1 - raster.read(1, masked=True).count() / (59 * 39))
-
-
-@pytest.mark.slow
-def test_a_large_empty_grid_takes_little_room(tmp_path: Path) -> None:
-    """13,000 by 9,000 cells, of which some hundred hold points."""
-    earth = georeferenced(Georeference(60.0, 9.1), scattered(6, reach=1300.0))
-    with written(tmp_path / "grid.tif", earth) as raster:
-        assert raster.width * raster.height > 5e7
-        column, row = ~raster.transform @ tuple(earth.projected_points[0, :2])
-        row, column = math.floor(row), math.floor(column)
-        window = Window.from_slices((row, row + 1), (column, column + 1))
-        assert raster.read(1, window=window)[0, 0] != NODATA
-    assert (tmp_path / "grid.tif").stat().st_size < 2e6
 
 
 def test_what_the_file_says_of_itself(tmp_path: Path) -> None:

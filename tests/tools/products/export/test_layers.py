@@ -3,7 +3,6 @@
 import json
 import sqlite3
 import struct
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track import cut_at_180, write_geojson, write_geopackage
-from tests.tools.products.export.finished import program
 from tests.tools.products.export.poses import dive, with_part
 
 
@@ -108,18 +106,6 @@ def test_track_and_loops_in_a_geopackage(tmp_path: Path) -> None:
     assert says["source"].tolist() == ["scan_5", "scan_4"]
 
 
-def test_names_may_hold_anything_and_what_was_there_is_replaced_whole(tmp_path: Path) -> None:
-    """Without loops there is no layer of them."""
-    from pyogrio import list_layers
-
-    earth = dive()
-    names = ("a'b", 'c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA}", "lone\udce9", "")
-    (tmp_path / "track.gpkg").write_bytes(b"not a GeoPackage")
-    path = written(tmp_path, with_part(earth, earth.part, names=names, loops=()))
-    assert read(path, "scans")[1]["name"].tolist() == [*names[:4], "lone\\udce9", ""]
-    assert [name for name, _ in list_layers(path)] == ["track", "scans"]
-
-
 def test_loops_to_other_parts_are_left_out_and_counters_are_null(tmp_path: Path) -> None:
     earth = dive(stamps=np.arange(6.0))
     trajectory = earth.part.trajectory.take(range(5))
@@ -136,14 +122,6 @@ def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
         write_geopackage(tmp_path / "track.gpkg", dive())
 
 
-def test_gdal_reads_it(tmp_path: Path) -> None:
-    from pyogrio.raw import read
-
-    features_in(tmp_path, dive())
-    meta, _, geometry, _ = read(tmp_path / "track.geojson")
-    assert (meta["crs"], len(geometry)) == ("EPSG:4326", 9)
-
-
 def test_it_is_a_geopackage_by_its_own_words(tmp_path: Path) -> None:
     """OGC 12-128r14: requirements 2 (application id), 13 (contents), 22 (geometry columns); times of a DATETIME."""
     with sqlite3.connect(written(tmp_path, dive())) as base:
@@ -156,30 +134,4 @@ def test_it_is_a_geopackage_by_its_own_words(tmp_path: Path) -> None:
         assert kinds == {("track", "LINESTRING", 1), ("scans", "POINT", 1), ("loops", "LINESTRING", 1)}
         times = [row[0] for row in base.execute("SELECT utc FROM scans")]
         assert times[:2] == ["2023-11-14T22:13:20.000Z", "2023-11-14T22:13:22.500Z"]
-    base.close()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("survey", [2**31, 2**63 - 1, -(2**31) - 1])
-def test_large_numbers_are_written_as_they_are(tmp_path: Path, survey: int) -> None:
-    """All that a summary.json may hold."""
-    earth = dive()
-    path = written(tmp_path, with_part(earth, earth.part, summary={"scans": [{"survey": survey}] * 6}))
-    for layer in ("scans", "track"):
-        assert set(read(path, layer)[1]["survey"].tolist()) == {survey}
-
-
-def test_ogrinfo_reads_it(tmp_path: Path) -> None:
-    """GDAL's own program, another build than pyogrio's."""
-    command = program("ogrinfo", "Debian: gdal-bin")
-    told = subprocess.run([command, "-al", written(tmp_path, dive())], capture_output=True, text=True, check=True)
-    assert "POINT Z (667" in told.stdout
-    assert "utc (DateTime) = 2023/11/14 22:13:22.500+00" in told.stdout
-
-
-def test_times_that_are_none_are_null_in_a_geopackage(tmp_path: Path) -> None:
-    _, columns = read(written(tmp_path, dive(stamps=np.arange(6.0))), "scans")
-    assert np.isnan(columns["unix_s"]).all()
-    with sqlite3.connect(tmp_path / "track.gpkg") as base:
-        assert set(base.execute("SELECT utc, unix_s FROM scans")) == {(None, None)}
     base.close()

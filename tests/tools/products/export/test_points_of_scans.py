@@ -23,7 +23,6 @@ from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.map_folder.scans import mapped_scans
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.products.export.clouds import Cloud
 from sonarmap.tools.products.export.laz import write_copc, write_laz
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from sonarmap.tools.products.output.folder import write_survey
@@ -95,13 +94,6 @@ def same_as_fused(folder: Map, points: np.ndarray) -> bool:
     of_map = cell_keys(folder.parts[0].points, folder.voxel, origin)[0]
     at = np.minimum(np.searchsorted(keys, of_map), len(keys) - 1)
     return bool(((keys[at] == of_map) & (count[at] == folder.parts[0].columns["count"])).all())
-
-
-def test_they_are_those_of_the_map(survey: Path) -> None:
-    folder = read_map_folder(survey / "map")
-    assert folder.voxel == 0.25
-    cloud = Cloud(folder, folder.parts[0], None, mapped_scans(folder, [str(survey / "scans")]))
-    assert same_as_fused(folder, np.concatenate([portion.points for portion in cloud.portions()]))
 
 
 def test_some_scans_in_the_frame_of_the_map(survey: Path, tmp_path: Path) -> None:
@@ -201,9 +193,3 @@ def test_the_time_of_a_scan_in_e57_is_gps_time(survey: Path, tmp_path: Path) -> 
         start = e57.get_header(1)["acquisitionStart"]["dateTimeValue"].value()
     assert start == 1_167_264_018 + 1
     assert time.gmtime(stamps[0])[:3] == (2017, 1, 1)
-
-
-def test_a_map_that_does_not_say_where_its_scans_are(survey: Path) -> None:
-    folder = read_map_folder(survey / "map")
-    with pytest.raises(InputError, match=r"does not say where the map's scans are; say .*--scans-from"):
-        mapped_scans(replace(folder, summary={**folder.summary, "settings": {}}))

@@ -3,8 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
-from importlib import resources
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc
 from sonarmap.tools.files.writers.poses import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track import (
@@ -67,22 +65,6 @@ def test_a_row_for_each_vertex(tmp_path: Path) -> None:
     assert [int(row["vertex"]) for row in rows] == vertices.tolist()
     with pytest.raises(InputError, match=r"graph\.g2o: .*map again"):
         write_graph(tmp_path / "graph.csv", replace(folder, path=tmp_path / "elsewhere"), folder.parts[0], None)
-
-
-def iana_leaps() -> list[float]:
-    """The times since 1970 at which a leap second has just ended."""
-    text = (resources.files("tzdata") / "zoneinfo" / "leapseconds").read_text()
-    rows = re.findall(r"^Leap\s+(\d+)\s+(\w+)\s+(\d+)\s+23:59:60\s+\+", text, re.MULTILINE)
-    days = [datetime.strptime(" ".join(row), "%Y %b %d").replace(tzinfo=UTC).timestamp() + 86_400 for row in rows]
-    return [day for day in days if day > GPS_EPOCH]
-
-
-def test_gps_time_counts_every_leap_second() -> None:
-    leaps = iana_leaps()
-    assert len(leaps) == 18
-    times = np.array([*(leap - 0.5 for leap in leaps), *leaps, 1.8e9])
-    ahead = [sum(time >= leap for leap in leaps) for time in times.tolist()]
-    np.testing.assert_array_equal(gps_of_utc(times) - (times - GPS_EPOCH), ahead)
 
 
 def rows_of(path: Path, earth: Georeferenced) -> list[dict[str, str]]:
@@ -195,14 +177,6 @@ def test_names_may_hold_anything_and_what_is_not_known_is_empty(tmp_path: Path) 
     rows = rows_of(tmp_path, with_part(earth, part, names=names))
     assert [row["name"] for row in rows] == [*names[:2], "d e", names[3], "lone\\udce9", "'=1+1"]
     assert {rows[0][name] for name in COLUMNS if "sigma" in name or name.startswith("cov_")} == {""}
-
-
-@pytest.mark.parametrize(
-    ("stamps", "times"),
-    [([1.7e9, 1.7e9 + 3], True), ([0.0, 1.0], False), ([1.7e9, 3.0], False), ([1.7e18], False), ([np.nan], False)],
-)
-def test_which_stamps_are_times(stamps: list[float], times: bool) -> None:
-    assert are_times(np.array(stamps)) == times
 
 
 @pytest.mark.parametrize("write", [write_eiva_position, write_eiva_attitude])

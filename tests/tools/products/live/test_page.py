@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.messages import State, coverage
+from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
 from tests.tools.products.live.known_dive import KnownDive
-from tests.tools.products.report.browser import SOFTWARE, WITHOUT_WEBGL, Opened, browsed, wait_until
+from tests.tools.products.report.browser import SOFTWARE, Opened, browsed, wait_until
 
 
 @contextmanager
@@ -120,65 +120,4 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
         browser.__exit__(None, None, None)
 
 
-@pytest.mark.slow
-def test_without_webgl_state_and_plan_are_still_there() -> None:
-    plan = np.ones((9, 9), bool)
-    plan[3:6, 3:6] = False
-    cells = np.repeat(np.argwhere(plan) + 0.5, 2, axis=0)
-    with LivePage() as live, opened(live, flags=WITHOUT_WEBGL, silent=False) as shown:
-        live.publish(coverage([cells], 1.0, 0))
-        live.publish(("state", State("lost", lost_for=2, sure=(0, [1, 2, 3])).message))
-        wait_until(
-            shown.page, "!document.querySelector('#alarm').hidden && !document.querySelector('#coverage').hidden"
-        )
-        assert "cannot be shown" in shown.page.inner_text("#stage")
-        assert "x 1.0, y 2.0, z 3.0" in shown.page.inner_text("#alarm")
-        assert "holes, never seen: 9" in shown.page.inner_text("#coverage")
-
-
 SURE = (np.eye(3) * 0.1).tolist()
-
-
-@pytest.mark.slow
-def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
-    with LivePage() as live, opened(live) as shown:
-        page = shown.page
-
-        def drive(x: float, part: int = 0) -> None:
-            state = State("placed", pose=[x, 0, 0, 0, 0, 0, 1], half_axes=SURE, part=part, parts=2, alerts=(f"{x}",))
-            live.publish(("state", state.message))
-            wait_until(page, f"document.querySelector('#concerns').textContent === '{x}' && !sonarmap.view.waiting")
-
-        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
-            live.publish(each)
-        live.publish(messages.cloud(0, np.eye(3)))
-        live.publish(messages.cloud(1, np.eye(3)))
-        drive(1.0)
-        drive(7.0)
-        wait_until(page, "sonarmap.view.camera.target[0] === 7")
-        page.focus("#canvas")
-        page.keyboard.press("ArrowLeft")
-        assert page.get_attribute("#follow", "aria-pressed") == "false"
-        drive(9.0)
-        assert page.evaluate("sonarmap.view.camera.target[0]") == 7
-        page.keyboard.press("f")
-        wait_until(page, "sonarmap.view.camera.target[0] === 9")
-
-
-@pytest.mark.slow
-def test_the_last_sure_place_is_shown_in_its_part_until_the_camera_follows_again() -> None:
-    with LivePage() as live, opened(live) as shown:
-        page = shown.page
-        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
-            live.publish(each)
-        live.publish(messages.cloud(0, np.eye(3)))
-        live.publish(messages.cloud(1, np.eye(3)))
-        lost = State("lost", part=1, parts=2, sure=(0, [3, 0, 0]), pose=[0, 0, 0, 0, 0, 0, 1], half_axes=SURE)
-        live.publish(("state", lost.message))
-        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")
-        assert "of part 0" in page.inner_text("#alarm")
-        page.click("#sure")
-        wait_until(page, "document.querySelector('#said').textContent.includes('of part 0')")
-        assert page.evaluate("sonarmap.view.camera.target[0]") == 3
-        page.click("#follow")
-        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")

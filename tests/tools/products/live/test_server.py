@@ -211,15 +211,3 @@ def test_the_addresses_of_a_shared_page_are_numbers_that_reach_it() -> None:
             connection = HTTPConnection(parts.hostname or "", parts.port, timeout=10)
             connection.request("GET", f"/?{parts.query}")
             assert connection.getresponse().status == 200
-
-
-def test_it_listens_at_ipv6_too() -> None:
-    try:
-        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
-    except OSError:
-        pytest.skip("this machine has no IPv6")
-    with LivePage("::1") as live:
-        assert re.fullmatch(r"http://\[::1\]:\d+/", live.address)
-        connection = HTTPConnection("::1", urlsplit(live.address).port or 0, timeout=10)
-        connection.request("GET", "/")
-        assert connection.getresponse().status == 200

@@ -157,21 +157,3 @@ def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
     assert picture == (folder / "map.png").read_bytes()
     write_survey(tmp_path, as_surveys(mapped, several=False), RUN)
     assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
-
-
-@pytest.mark.slow
-def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
-    mapped: tuple[list[Scan], SurveyResult], tmp_path: Path
-) -> None:
-    """Seven points of the second survey's own map, put into its layer of doubtful ones."""
-    result = as_surveys(mapped, several=True)
-    (part,) = result.parts
-    whole = part.layers[1].clean
-    out, parted = without(whole, 7)
-    layers = {0: part.layers[0], 1: parted}
-    write_survey(tmp_path, replace(result, parts=(replace(part, layers=layers),)), RUN)
-    _, everything = divided(tmp_path, "_survey_1", whole.points[out])
-    assert set(everything["survey"]) == {1}
-
-    write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), RUN)
-    assert {path.name for path in tmp_path.glob("map_*")} == {"map_survey_0.ply", "map_survey_1.ply"}

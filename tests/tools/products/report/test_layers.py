@@ -148,28 +148,6 @@ def test_a_surface_takes_few_bytes_and_always_the_same() -> None:
     assert (data, layout) == pack(points.copy(), {}, VOXEL)
 
 
-@pytest.mark.slow
-def test_false_echoes_are_drawn_in_a_color_of_their_own(shown: Opened) -> None:
-    """B is red at its pixel, whatever the map is colored by."""
-    page = shown.page
-    page.locator("label.doubtful input").check()
-    page.locator("label.track input").uncheck()
-    page.locator("label.kept input").uncheck()
-    wait_until(page, "sonarmap.view.doubtful")
-    look = """place => {
-        const { view } = sonarmap, { gl } = view.scene;
-        view.camera.lookAt(place, 8);
-        view.draw();
-        const pixel = new Uint8Array(4);
-        gl.readPixels(gl.canvas.width / 2, gl.canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-        return [...pixel];
-    }"""
-    assert page.evaluate(look, B.tolist())[:3] == [226, 40, 60]
-    assert page.evaluate(look, A.tolist())[:3] != [226, 40, 60]
-    for name in ("track", "kept", "doubtful"):
-        page.locator(f"label.{name} input").set_checked(name != "doubtful")
-
-
 @pytest.mark.parametrize("count", [0, 1])
 def test_few_points(count: int) -> None:
     points = np.array([[1.5, -2.5, 7.25]])[:count]

@@ -122,31 +122,11 @@ def test_degrees_are_those_of_the_georeference(page: Opened) -> None:
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10)
 
 
-@pytest.mark.slow
-def test_a_click_tells_what_a_point_is(bare: Opened) -> None:
-    click(bare.page, B)
-    shown = bare.page.locator("#picked").inner_text()
-    assert all(words in shown for words in ("scan1", "2 scans", "-6.5"))
-    assert shown.count("\u202fm") >= 4
-
-
 def test_a_loop_is_shown_with_its_reason(page: Opened, content: Content) -> None:
     pair = content.shown["pairs"][0]
     page.page.locator("#loops tbody .link").first.click()
     assert pair["reason"] in page.page.locator("#picked").inner_text()
     assert page.page.evaluate("sonarmap.view.scene.lines.get('chosen').count") == 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("coloring", ["depth", "echo", "sigma", "seen", "scan"])
-def test_every_coloring_draws_more_than_one_color(page: Opened, coloring: str) -> None:
-    page.page.locator("#controls select").first.select_option(coloring)
-    colors = page.page.evaluate(
-        "() => { const { places, count } = sonarmap.view.points; const seen = new Set();"
-        "for (let k = 0; k < count; k++) seen.add(places[4 * k + 3]); return seen.size; }"
-    )
-    assert 1 < colors <= 255
-    assert page.page.locator("#legend .marks span").count() >= 2
 
 
 def test_keys_turn_move_and_zoom(page: Opened) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.products.report.content import Content
-from tests.tools.products.report.browser import WITHOUT_WEBGL, Opened, click, opened
+from tests.tools.products.report.browser import Opened, click, opened
 from tests.tools.products.report.known_map import AS_WRITTEN, NAMES, path_of, saved
 
 MADE: dict[str, Any] = {"target": NAMES[0], "source": NAMES[7], "verdict": "add", "note": 'why, "so"', "effect": "kept"}
@@ -108,15 +108,6 @@ class TestOfOnePage:
         picked.get_by_role("button", name="undecided").click()
         assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
 
-    @pytest.mark.slow
-    def test_a_loop_is_rejected_where_it_is_picked(self, page: Opened, content: Content, tmp_path: Path) -> None:
-        page.page.locator("#loops tbody .link").first.click()
-        page.page.locator("#picked").get_by_role("button", name="reject").click()
-        pressed = page.page.locator("#loops tbody tr").first.locator('[aria-pressed="true"]')
-        assert pressed.inner_text() == "reject"
-        assert page.page.evaluate("sonarmap.view.scene.lines.get('rejected').count") == 1
-        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
-
 
 @pytest.mark.slow
 def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path: Path) -> None:
@@ -135,50 +126,9 @@ def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path
 
 
 @pytest.mark.slow
-def test_what_the_browser_kept_may_be_damaged(content: Content, tmp_path: Path) -> None:
-    damaged = ["", "null", "3", '{"ties": 3}', "{", '{"ties":[{}]}', '{"ties":[3,null]}']
-    with opened(path_of(content, tmp_path, ties=[MADE])) as page:
-        for kept in damaged:
-            page.page.evaluate("kept => localStorage.setItem(sonarmap.decisions.key, kept)", kept)
-            page.page.reload()
-            assert saved(page, "ties", tmp_path) == [tie(0, 7, "add", MADE["note"])], kept
-
-
-@pytest.mark.slow
 def test_a_tie_keeps_its_transform(content: Content, tmp_path: Path) -> None:
     transform = {"x_m": 1.5, "y_m": -2.0, "z_m": 0.25, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 33.0}
     transform |= {"sigma_m": 0.02, "sigma_deg": 0.5}
     with opened(path_of(content, tmp_path, ties=[MADE | {"transform": transform}])) as page:
         (row,) = saved(page, "ties", tmp_path)
         assert {name: float(row[name]) for name in transform} == transform
-
-
-BLOCKED = (
-    "Object.defineProperty(window, 'localStorage', { get() { throw new DOMException('blocked', 'SecurityError'); } });"
-)
-
-
-@pytest.mark.slow
-def test_nothing_is_kept_where_the_browser_keeps_nothing(content: Content, tmp_path: Path) -> None:
-    with opened(path_of(content, tmp_path), script=BLOCKED) as page:
-        decide(page, 0, "reject")
-        assert "save the file before you close" in page.page.locator("#ties .buttons").inner_text()
-        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
-
-
-@pytest.mark.slow
-def test_a_pair_that_only_a_tie_made_the_map_try_is_added_again(content: Content, tmp_path: Path) -> None:
-    """As no search would propose it, accept would have no effect."""
-    i, j = ends(content, 0)
-    made = MADE | {"target": NAMES[i], "source": NAMES[j]}
-    with opened(path_of(content, tmp_path, ties=[made])) as page:
-        decide(page, 0, "undecided")
-        decide(page, 0, "add")
-        assert saved(page, "ties", tmp_path) == [tie(i, j, "add")]
-
-
-@pytest.mark.slow
-def test_the_list_is_decided_without_webgl(content: Content, tmp_path: Path) -> None:
-    with opened(path_of(content, tmp_path), WITHOUT_WEBGL) as page:
-        decide(page, 0, "accept")
-        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "accept")]

@@ -13,7 +13,6 @@ from sonarmap.tools.products.section import (
     Coordinates,
     Section,
     Titles,
-    check_names,
     profile_of,
     section_figure,
     section_of,
@@ -66,14 +65,6 @@ def test_the_profile_has_the_median_of_every_cell() -> None:
     assert (whole.distance.item(), whole.height.item()) == (2.5, -4.5)
 
 
-def test_lines_that_cannot_be_cut() -> None:
-    map_ = placed(POINTS)
-    with pytest.raises(InputError, match=r"both 1\.00, 1\.00; wanted two places"):
-        section_of(map_, LINE[[0, 0]], 1.0, Coordinates())
-    with pytest.raises(InputError, match=r"within 1 m .* the map lies between .* a larger --width"):
-        section_of(map_, LINE + 100, 1.0, Coordinates())
-
-
 @pytest.mark.parametrize("degrees", [False, True])
 def test_places_on_the_earth_and_back(degrees: bool) -> None:
     given = Coordinates(HERE, None if degrees else Projection.of(HERE))
@@ -109,13 +100,6 @@ def test_all_files_or_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
         write_section(tmp_path / "cut.csv", section(), profile_of(section(), 2.0), Titles("", "", ""), None)
     assert [path.name for path in tmp_path.iterdir()] == ["cut_profile.csv"]
-
-
-def test_names_that_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"ends in \.png"):
-        check_names(tmp_path / "cut.pdf", tmp_path / "map")
-    with pytest.raises(InputError, match="the map's folder"):
-        check_names(tmp_path / "map" / "cut.png", tmp_path / "map")
 
 
 @pytest.mark.slow
