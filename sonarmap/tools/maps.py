@@ -79,8 +79,7 @@ def write_map(
     from sonarmap.tools.files.readers.scans import FORMATS, files_of
     from sonarmap.tools.files.readers.selection import select_files
     from sonarmap.tools.files.writers.atomic import require_writable
-    from sonarmap.tools.products.output.folder import write_survey
-    from sonarmap.tools.products.output.summary import SurveyRun
+    from sonarmap.tools.products.output.folder import SurveyRun, write_survey
 
     require_type("folder", [folder], str, os.PathLike)
     require_type("result", [result], SurveyResult)

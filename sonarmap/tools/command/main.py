@@ -24,8 +24,8 @@ from sonarmap.tools.command.option import spread
 from sonarmap.tools.command.terminal import print_result, say, shortened, show_messages
 from sonarmap.tools.files.user_file import require_file
 
-# A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help. A new verb is a new name
-# here; the help lists them in these groups, in this order.
+# A verb is the function `command` in tools/command/verbs/<verb>.py, or one of its own name beside another verb's; its
+# docstring is the help. A new verb is a new name here; the help lists them in these groups, in this order.
 GROUPS = {
     "Survey": ("record", "live", "inspect", "map"),
     "Finished map": ("view", "export", "locate", "section", "volume", "compare"),
@@ -33,6 +33,7 @@ GROUPS = {
     "Machine": ("doctor", "devices"),
     "Laboratory": ("simulate", "evaluate", "reproduce", "bench"),
 }
+_BESIDE = {"doctor": "devices", "view": "export", "volume": "section"}
 VERBS = [verb for verbs in GROUPS.values() for verb in verbs]
 _ALL = "--help-all"
 
@@ -246,5 +247,6 @@ def _flowing(docstring: str) -> str:
 
 for _group, _verbs in GROUPS.items():
     for _verb in _verbs:
-        _command = import_module(f"sonarmap.tools.command.verbs.{_verb}").command
+        _module = import_module(f"sonarmap.tools.command.verbs.{_BESIDE.get(_verb, _verb)}")
+        _command = getattr(_module, _verb if _verb in _BESIDE else "command")
         app.command(_verb, cls=Verb, help=_flowing(_command.__doc__), rich_help_panel=_group)(guarded(spread(_command)))

@@ -120,9 +120,7 @@ class NavigationReading:
     """How the files of --priors and --odometry are to be understood."""
 
     nav_columns: str | None = _rare(
-        "A=B,...",
-        "Names of the log's columns, as depth_m=KP_DEPTH,heading_deg=Gyro.",
-        shown="by their names",
+        "A=B,...", "Names of the log's columns, as depth_m=KP_DEPTH,heading_deg=Gyro.", shown="by their names"
     )
     time_scale: str | None = _rare(
         "NAME",

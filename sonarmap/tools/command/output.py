@@ -11,8 +11,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.option import EARTH, OUTPUT, REQUIRED, completes, completes_list, listed_in, refuse_without
-from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import say
+from sonarmap.tools.command.terminal import growing_progress, say
 from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import FORMATS, known_formats
 
@@ -98,10 +97,7 @@ class EarthPlace:
         shown="as the map says",
     )
     origin_heading: float | None = EARTH.option(
-        "DEG",
-        "True heading of the x axis of a map without a heading of its own.",
-        rare=True,
-        shown="90, East",
+        "DEG", "True heading of the x axis of a map without a heading of its own.", rare=True, shown="90, East"
     )
     vertical: str | None = EARTH.option(
         "NAME",

@@ -2,8 +2,8 @@
 where their pairs are registered; and how that ends when it is stopped."""
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sonarmap.kernels.counted import counted
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import when_stopped
 from sonarmap.tools.command.method import ConfiguredMethod, MethodOptions, changed
+from sonarmap.tools.command.navigation import PriorsFile
 from sonarmap.tools.command.option import (
     EARTH,
     INPUT,
@@ -27,7 +30,7 @@ from sonarmap.tools.command.option import (
     listed_in,
     refuse_without,
 )
-from sonarmap.tools.command.terminal import say, warn
+from sonarmap.tools.command.terminal import growing_progress, say, stage, warn
 from sonarmap.tools.files.writers.atomic import LEFTOVER_PREFIX
 
 if TYPE_CHECKING:
@@ -36,10 +39,19 @@ if TYPE_CHECKING:
     from sonarmap.slam.execute.worker import PairWorker
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.mapper import MapperSettings
+    from sonarmap.slam.pings.calibration import PatchTest
+    from sonarmap.slam.pings.crossings import Crossings
     from sonarmap.slam.tie import Tie
     from sonarmap.spectral.scan import Scan
+    from sonarmap.tools.command.mapped import Mapped
     from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.readers.clouds.cloud import PingPatch
     from sonarmap.tools.files.readers.corrections import Corrections
+    from sonarmap.tools.files.readers.navigation.priors import Navigated
+    from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+    from sonarmap.tools.files.readers.pings.patches import LineReading
+    from sonarmap.tools.files.readers.scans import ReadScans
+    from sonarmap.tools.products.output.lines import MovedLine
 
 _limit = partial(
     LOOPS.option,
@@ -95,8 +107,7 @@ class TiesAndControl:
     """Pairs and points with a person's verdict or coordinates."""
 
     ties: Path | None = LOOPS.option(
-        "FILE",
-        "CSV with pairs of scans to accept, reject or add: target, source, verdict (docs/ties.md).",
+        "FILE", "CSV with pairs of scans to accept, reject or add: target, source, verdict (docs/ties.md)."
     )
     control: Path | None = EARTH.option(
         "FILE",
@@ -134,8 +145,6 @@ InputsArgument = Annotated[
         metavar="INPUT...",
     ),
 ]
-
-
 _CORRECTIONS = "sonarmap.tools.files.readers.corrections"
 
 
@@ -144,8 +153,7 @@ class PointReading:
     """How the points of files are to be understood."""
 
     sound_speed: float | None = INPUT.option(
-        "M/S",
-        "Correct speed of sound \\[m/s], for .sonar files: ranges are scaled from the recorded one.",
+        "M/S", "Correct speed of sound \\[m/s], for .sonar files: ranges are scaled from the recorded one."
     )
     range_scale: float | None = INPUT.option("F", "Multiply all ranges by F, in any format.", rare=True, shown="1")
     frame: str | None = INPUT.option(
@@ -194,11 +202,7 @@ class ExecutionOptions:
     """Where pairs are registered: in this process, or in several."""
 
     workers: int | None = RUNNING.option(
-        "N",
-        "Processes that register pairs; the results are the same.",
-        shown="1",
-        min=1,
-        max=MOST_WORKERS,
+        "N", "Processes that register pairs; the results are the same.", shown="1", min=1, max=MOST_WORKERS
     )
     fresh: bool = RUNNING.flag("--fresh", "Discard the pairs of earlier runs in OUT/journal.sqlite.")
 
@@ -261,3 +265,98 @@ def _workers(
             yield spec, executor
     else:
         yield Worker(method.registrar, prepared), this_process()
+
+
+def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: bool) -> "Corrections":
+    """The corrections with what the patch test of the inputs' lines shows."""
+    from sonarmap.slam.pings.calibration import estimate_biases
+    from sonarmap.tools.files.readers.pings.line_file import SUFFIXES, read_line
+    from sonarmap.tools.files.readers.selection import select_files
+
+    files = [each.path for each in select_files(inputs, SUFFIXES).files if each.path.suffix.lower() in SUFFIXES]
+    if len(files) < 2:
+        raise InputError(f"--patch-test needs two lines of pings that overlap, and {len(files)} given; leave it out")
+    with growing_progress("patch test", quiet) as step:
+        lines = []
+        for number, path in enumerate(files):
+            step(number, len(files) + 1, path.name)
+            lines.append(read_line(path, []))
+        here = lines[0].origin()
+        step(len(files), len(files) + 1, "comparing the lines")
+        test = estimate_biases([line.placed(here) for line in lines])
+    say(f"patch test: {test_words(test)}; the estimated biases are corrected")
+    if not test.observable:
+        raise InputError("--patch-test: where the lines overlap no bias shows; leave it out, or add lines")
+    return replace(corrections, lines=replace(corrections.lines, biases=test.usable))
+
+
+def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSettings") -> "Navigated":
+    """The scans with the navigation of their lines."""
+    from sonarmap.tools.files.readers.navigation.priors import Navigated
+    from sonarmap.tools.files.readers.pings.patches import placed
+
+    if file.priors:
+        raise InputError(f"multibeam lines contain their own navigation; leave --priors {file.named} out")
+    navigated = Navigated(*placed(read.scans, read.patches, settings.origin, file.sigmas))
+    say(f"{len(read.patches):,} of {len(read.scans):,} scans are patches of lines, placed by the lines' navigation")
+    return navigated
+
+
+def give_back(
+    mapped: "Mapped",
+    patches: "Mapping[int, PingPatch]",
+    georeference: "Georeference",
+    reading: "LineReading",
+    crs: str | None,
+    quiet: bool,
+) -> None:
+    """Write what the map says of its lines: navigation, soundings, how well lines agree, and the patch test."""
+    from sonarmap.slam.pings.calibration import estimate_biases
+    from sonarmap.slam.pings.crossings import crossings
+    from sonarmap.tools.files.map_folder.names import OF_LINES
+    from sonarmap.tools.products.output.lines import moved_lines, write_lines
+
+    with stage("lines", quiet):
+        lines = moved_lines(patches, mapped.result, georeference, reading)
+        if not lines:
+            return
+        before, after = crossings([line.before for line in lines]), crossings([line.after for line in lines])
+        test = None
+        with suppress(InputError):  # one line, or lines that hardly overlap
+            test = estimate_biases([line.before for line in lines])
+        write_lines(mapped.out, lines, georeference, crs, (before, after), test)
+    mapped.made_of_it.extend(OF_LINES)
+    mapped.of_lines.extend(_rows(lines, before, after, test))
+
+
+def _rows(
+    lines: "Sequence[MovedLine]", before: "Crossings", after: "Crossings", test: "PatchTest | None"
+) -> list[tuple[str, str]]:
+    """What `map` says of its lines at its end."""
+    import numpy as np
+
+    far = np.concatenate([np.linalg.norm(line.shifts, axis=1) for line in lines])
+    of_lines = counted(len(lines), "line")
+    pings, soundings = len(far), sum(len(line.after.pings) for line in lines)
+    rows = [
+        ("lines", f"{of_lines}, {pings:,} pings, {soundings:,} soundings; moved by {np.median(far):.2f} m, the median")
+    ]
+    if before.all.count:
+        agreed = f"{after.all.p95:.2g} m ({before.all.p95:.2g} m as recorded)"
+        rows.append(("overlaps", f"95 % of {before.cells:,} cells agree within {agreed}, means of soundings"))
+    if test is not None:
+        rows.append(("biases", f"{test_words(test)}; --patch-test takes them out"))
+    return rows
+
+
+def test_words(test: "PatchTest") -> str:
+    """What a patch test says of each bias."""
+    from sonarmap.slam.pings.biases import NAMES
+
+    values, sigmas = test.biases.to_json(), test.deviations.to_json()
+    words: list[str] = []
+    for name, key in zip(NAMES, values, strict=True):
+        unit = "s" if key.endswith("_s") else "degrees"
+        said = f"{values[key]:+.2f} ± {sigmas[key]:.2f} {unit}"
+        words.append(f"{name} {said}" if name in test.observable else f"{name} does not show")
+    return ", ".join(words)

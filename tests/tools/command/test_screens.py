@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.progress import growing_progress, progress
+from sonarmap.tools.command.terminal import growing_progress, progress
 from tests.samples.clutter_scans import scan, write
 from tests.samples.screens import on_screen
 
 LONG = "scan_008 - scan_009: accepted: it is right with a probability of 99.6 %: " + "the views agree and so on; " * 8
 COUNTING = f"""
 import time
-from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.terminal import growing_progress
 with growing_progress("mapping") as step:
     for k in range(41):
         step(k, 57 if k < 20 else 1200, {LONG!r})
@@ -56,7 +56,7 @@ class TestProgress:
 
     def test_the_time_left(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         clock = [0.0]
-        monkeypatch.setattr("sonarmap.tools.command.progress.time.monotonic", lambda: clock[0])
+        monkeypatch.setattr("sonarmap.tools.command.terminal.time.monotonic", lambda: clock[0])
         with progress("pairs", 3) as advance:
             for clock[0] in (2.0, 6.0, 9.0):
                 advance("")

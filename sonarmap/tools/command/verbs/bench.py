@@ -9,8 +9,7 @@ import typer
 
 from sonarmap.tools.command.method import check_seed
 from sonarmap.tools.command.option import MEASUREMENT, OUTPUT, DeviceOption, JsonOption
-from sonarmap.tools.command.progress import progress
-from sonarmap.tools.command.terminal import print_json, say
+from sonarmap.tools.command.terminal import print_json, progress, say
 
 if TYPE_CHECKING:
     from sonarmap.tools.lab.bench.run import BenchPlan

@@ -12,8 +12,15 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import MethodOptions, ViewOptions, configure_method
 from sonarmap.tools.command.option import INPUT, OUTPUT, REQUIRED, JsonOption, QuietOption
 from sonarmap.tools.command.output import SAME_FRAME, EarthPlace, open_map
-from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
+from sonarmap.tools.command.terminal import (
+    growing_progress,
+    number_table,
+    print_json,
+    print_result,
+    result_console,
+    say,
+    warn,
+)
 from sonarmap.tools.extras import require
 
 if TYPE_CHECKING:
@@ -42,10 +49,7 @@ def command(
         "Largest level of detection of a place called unchanged \\[m].", "two voxels", rare=True
     ),
     cloud_sigma: float | None = INPUT.length(
-        "Standard deviation of a coordinate of the point cloud \\[m].",
-        "",
-        shown="what its scatter says",
-        rare=True,
+        "Standard deviation of a coordinate of the point cloud \\[m].", "", shown="what its scatter says", rare=True
     ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,

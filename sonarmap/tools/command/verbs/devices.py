@@ -1,6 +1,7 @@
-"""`sonarmap devices`: the OpenCL devices of this machine, and the one that would be used."""
+"""`sonarmap devices`, the OpenCL devices of this machine, and `doctor`, what is wrong with it or the installation."""
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -70,3 +71,24 @@ def _print_needs() -> None:
         if need["grid"] % _SHOWN == 0:
             table.add_row(f"{need['grid']}^3", *(f"{need[key] / 2**20:.0f} MiB" for key in ("pair", "scan", "largest")))
     result_console().print(table)
+
+
+def doctor(
+    out: Annotated[
+        Path, typer.Argument(metavar="[OUT]", help="The folder that results are to go to.", show_default=False)
+    ] = Path(),
+    quick: Annotated[
+        bool, RUNNING.switch("--quick", "Load no library, and run no self-test; takes about a second.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check the installation and this machine: libraries, OpenCL devices, memory, disk.
+
+    Each is ok, a warning (part of it may not work) or wrong (something that is needed does not work), with what was
+    seen and what to do, as a command that can be copied. The exit code is 2 if anything is wrong. It works where
+    the other verbs do not start.
+    """
+    from sonarmap.tools.command.doctor import run
+
+    if code := run(out, quick, as_json):
+        raise typer.Exit(code)

@@ -125,11 +125,7 @@ def _check_together(map: Path | None, surface: Path | None, voxel: float | None,
 
 
 def _map_error(
-    result: "Evaluation",
-    map: Path | None,
-    surface: Path | None,
-    voxel: float | None,
-    summary: "SurveySummary | None",
+    result: "Evaluation", map: Path | None, surface: Path | None, voxel: float | None, summary: "SurveySummary | None"
 ) -> "MapError | None":
     from sonarmap.tools.lab.evaluate.map_error import map_error, read_points, reference_of
 

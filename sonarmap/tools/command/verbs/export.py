@@ -1,13 +1,15 @@
-"""`sonarmap export`: a finished map to the formats of other programs."""
+"""`sonarmap export`, a finished map to the formats of other programs, and `view`, its report in the browser."""
 
 import re
+import webbrowser
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.option import OUTPUT, REQUIRED, JsonOption, QuietOption
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.option import OUTPUT, REQUIRED, RUNNING, JsonOption, QuietOption
 from sonarmap.tools.command.output import CELL, EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.terminal import print_json, printable
 from sonarmap.tools.files.writers.atomic import locked
@@ -43,8 +45,7 @@ class ExportedFiles:
     format: FormatsOption
     cell: float | None = OUTPUT.length("Edge of a grid's cell \\[m].", CELL)
     height: str = OUTPUT.choice(
-        "Height of a cell: top, mean or shoalest. top is the mean of its uppermost surface.",
-        HEIGHTS,
+        "Height of a cell: top, mean or shoalest. top is the mean of its uppermost surface.", HEIGHTS
     )
     points: str = OUTPUT.choice(
         "In files of points: map, or all. map has one for each voxel; all has every point of every scan, in place, "
@@ -93,3 +94,40 @@ def command(
         print_json(asdict(exported))
     else:
         typer.echo(f"written to {printable(str(files.out))}: {', '.join(path.name for path in exported.files)}")
+
+
+def view(
+    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
+    rebuild: Annotated[bool, RUNNING.switch("--rebuild", "Make the report again first, from the map's files.")] = False,
+    show: Annotated[bool, RUNNING.switch("--open/--no-open", "Open the report in the browser.")] = True,
+) -> None:
+    """Open a finished map's report, MAP/report.html, in the browser.
+
+    The report is one file with the map in 3D, the track, the loops with their reasons and the settings. It needs no
+    network and no other file, so it can be copied and sent. `--rebuild --no-open` writes it where there is no
+    browser.
+    """
+    from sonarmap.tools.files.map_folder.names import REPORT, SUMMARY
+
+    report = source / REPORT
+    if rebuild:
+        from sonarmap.tools.files.map_folder.folder import read_map_folder
+        from sonarmap.tools.products.report.page import write_report
+
+        with locked(source, writing=True):
+            write_report(read_map_folder(source))
+        typer.echo(f"written to {printable(str(source))}: {REPORT}")
+    elif not report.is_file():
+        if not (source / SUMMARY).is_file():
+            raise InputError(
+                f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the one that "
+                "its -o named, as in `sonarmap view map/`"
+            )
+        raise InputError(
+            f"{source} has no {REPORT}, as of a map made with --no-report or by an earlier version; "
+            f"`sonarmap view {source} --rebuild` makes it"
+        )
+    if show:
+        if not webbrowser.open(report.resolve().as_uri()):
+            raise InputError(f"no browser can be opened here; open {report} in one, on this machine or another")
+        typer.echo(f"opened {printable(str(report))} in the browser")

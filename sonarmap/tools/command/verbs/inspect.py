@@ -13,9 +13,8 @@ from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.method import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.navigation import NavigationReading
 from sonarmap.tools.command.option import OUTPUT, JsonOption, QuietOption, given
-from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.survey import InputsArgument, PointReading
-from sonarmap.tools.command.terminal import print_json, printable, say, warn
+from sonarmap.tools.command.terminal import growing_progress, print_json, printable, say, warn
 
 INCOMPLETE = 3
 
@@ -27,8 +26,7 @@ def command(
     names: Annotated[bool, OUTPUT.switch("--names", "List all scans' names alone, as priors need them.")] = False,
     grid: GridOption = None,
     template: Annotated[
-        Path | None,
-        OUTPUT.value("FILE", "Write a CSV table of the scans for --priors, to be filled in.", "--template"),
+        Path | None, OUTPUT.value("FILE", "Write a CSV table of the scans for --priors, to be filled in.", "--template")
     ] = None,
     plot: Annotated[Path | None, OUTPUT.value("FILE", "Draw a log as PNG.", "--plot")] = None,
     as_json: JsonOption = False,

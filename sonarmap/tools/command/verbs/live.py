@@ -18,9 +18,8 @@ from sonarmap.tools.command.method import MethodOptions, require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
 from sonarmap.tools.command.option import INPUT, NAVIGATION, OUTPUT, RUNNING, JsonOption, QuietOption, given
 from sonarmap.tools.command.output import EarthPlace, MapOutput
-from sonarmap.tools.command.progress import status_line
 from sonarmap.tools.command.survey import ExecutionOptions, PointReading, SurveyOptions, TiesAndControl
-from sonarmap.tools.command.terminal import say, warn
+from sonarmap.tools.command.terminal import say, status_line, warn
 from sonarmap.tools.command.verbs import map as map_verb
 from sonarmap.tools.command.verbs.record import Listening, ending
 

@@ -13,9 +13,17 @@ from sonarmap.tools.command.method import ViewOptions, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
 from sonarmap.tools.command.option import INPUT, OUTPUT, JsonOption, QuietOption, checked
 from sonarmap.tools.command.output import EarthPlace, open_map
-from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.survey import InputsArgument, PointReading
-from sonarmap.tools.command.terminal import number_table, print_json, print_result, printable, result_console, say, warn
+from sonarmap.tools.command.terminal import (
+    growing_progress,
+    number_table,
+    print_json,
+    print_result,
+    printable,
+    result_console,
+    say,
+    warn,
+)
 
 if TYPE_CHECKING:
     from sonarmap.slam.locate.place import Located, Place

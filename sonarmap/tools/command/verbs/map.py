@@ -10,7 +10,6 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options, print_failure, when_stopped
-from sonarmap.tools.command.lines import give_back, navigated_lines, without_biases
 from sonarmap.tools.command.mapped import (
     Mapped,
     print_mapped,
@@ -38,16 +37,18 @@ from sonarmap.tools.command.navigation import (
 )
 from sonarmap.tools.command.option import NAVIGATION, RUNNING, JsonOption, QuietOption, given, refuse_without
 from sonarmap.tools.command.output import EarthPlace, MapOutput, export_with_progress
-from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.survey import (
     ExecutionOptions,
     InputsArgument,
     PointReading,
     SurveyOptions,
     TiesAndControl,
+    give_back,
+    navigated_lines,
     open_execution,
+    without_biases,
 )
-from sonarmap.tools.command.terminal import say
+from sonarmap.tools.command.terminal import growing_progress, say, stage
 from sonarmap.tools.files.writers.atomic import locked, require_writable
 
 if TYPE_CHECKING:
@@ -277,8 +278,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
     from sonarmap.slam.mapper import Mapper
     from sonarmap.tools.files.inputs import input_rows
     from sonarmap.tools.files.map_folder.names import JOURNAL
-    from sonarmap.tools.products.output.folder import write_survey
-    from sonarmap.tools.products.output.summary import SurveyRun, survey_times
+    from sonarmap.tools.products.output.folder import SurveyRun, survey_times, write_survey
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out
     prepared = prepared_limit(method.registrar, options.processes)

@@ -13,8 +13,7 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.option import OPTIMIZATION, OUTPUT, REQUIRED, JsonOption, QuietOption
-from sonarmap.tools.command.progress import progress
-from sonarmap.tools.command.terminal import print_json, print_result, print_rows, result_console, warn
+from sonarmap.tools.command.terminal import print_json, print_result, print_rows, progress, result_console, warn
 
 if TYPE_CHECKING:
     from sonarmap.slam.optimize.solve import Objective, Start

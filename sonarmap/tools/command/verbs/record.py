@@ -14,8 +14,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.option import INPUT, OUTPUT, REQUIRED, RUNNING, JsonOption, QuietOption, checked, refused_by
-from sonarmap.tools.command.progress import status_line
-from sonarmap.tools.command.terminal import print_json, printable, say, warn
+from sonarmap.tools.command.terminal import print_json, printable, say, status_line, warn
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.record.receiver import Source

@@ -25,8 +25,7 @@ from sonarmap.tools.command.option import (
     completes_list,
     refused_by,
 )
-from sonarmap.tools.command.progress import progress
-from sonarmap.tools.command.terminal import print_json, printable, result_console, say
+from sonarmap.tools.command.terminal import print_json, printable, progress, result_console, say
 from sonarmap.tools.lab.reproduce.experiments import ALL, EXPERIMENTS, PAIR_SETS, PAPER, Request, chosen, create
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method

@@ -22,8 +22,7 @@ from sonarmap.tools.command.option import (
     completes_list,
     given,
 )
-from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import printable
+from sonarmap.tools.command.terminal import growing_progress, printable
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
 
 if TYPE_CHECKING:

@@ -145,12 +145,7 @@ def _together(distances: Distances) -> float:
     return max(1.0, float(np.quantile(off, _UNCHANGED)) / _UNCHANGED_SIGMAS) if off else 1.0
 
 
-def _shared(
-    old: Epoch,
-    new: Epoch,
-    shares: tuple[Any, Any],
-    alignment: np.ndarray | None,
-) -> tuple[Any, np.ndarray]:
+def _shared(old: Epoch, new: Epoch, shares: tuple[Any, Any], alignment: np.ndarray | None) -> tuple[Any, np.ndarray]:
     """(m, n) the share that each of n common errors of six numbers has in a distance, of the shares of all scans in
     both layers; (6 n, 6 n) their covariance."""
     before, after = shares

@@ -16,9 +16,9 @@ from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.tables import write_json, write_table
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Region, Verdict
+from sonarmap.tools.products.export.clouds import las_header
 from sonarmap.tools.products.export.geotiff import NODATA
 from sonarmap.tools.products.export.grid import check_size
-from sonarmap.tools.products.export.laz import las_header
 from sonarmap.tools.products.report.pictures import write_png
 
 if TYPE_CHECKING:

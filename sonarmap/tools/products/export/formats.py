@@ -89,8 +89,8 @@ class ExportFormat:
 
 
 FORMATS = {
-    "laz": ExportFormat("map{}.laz", "laz:write_laz", "points, LAZ 1.4", of_points=True),
-    "copc": ExportFormat("map{}.copc.laz", "laz:write_copc", "points in an octree, COPC 1.0", of_points=True),
+    "laz": ExportFormat("map{}.laz", "clouds:write_laz", "points, LAZ 1.4", of_points=True),
+    "copc": ExportFormat("map{}.copc.laz", "clouds:write_copc", "points in an octree, COPC 1.0", of_points=True),
     "e57": ExportFormat("map{}.e57", "clouds:write_e57", "points, E57", of_points=True, library="pye57"),
     "xyz": ExportFormat("map{}.xyz", "clouds:write_xyz", "points, a line each, XYZ", of_points=True),
     "geotiff": ExportFormat(
@@ -101,7 +101,7 @@ FORMATS = {
         beside=("grid{}.qml",),
         library="rasterio",
     ),
-    "kmz": ExportFormat("map{}.kmz", "kmz:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
+    "kmz": ExportFormat("map{}.kmz", "geotiff:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
     "csv": ExportFormat("poses{}.csv", "track:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"),
     "eiva-position": ExportFormat(
         "eiva_position{}.txt",
@@ -119,10 +119,7 @@ FORMATS = {
     ),
     "geojson": ExportFormat("track{}.geojson", "track:write_geojson", "track, scans and loops, GeoJSON", "geographic"),
     "gpkg": ExportFormat(
-        "track{}.gpkg",
-        "track:write_geopackage",
-        "track, scans and loops, GeoPackage",
-        library="pyogrio",
+        "track{}.gpkg", "track:write_geopackage", "track, scans and loops, GeoPackage", library="pyogrio"
     ),
     "mesh-ply": ExportFormat(
         "surface{}.ply", "grid:write_mesh", "a mesh from above, PLY", "map", of_surface=True, library="trimesh"

@@ -1,20 +1,32 @@
-"""GeoTIFF: the map from above, north up in projected coordinates, or in the map's own frame."""
+"""GeoTIFF: the map from above, north up in projected coordinates, or in the map's own frame. KMZ for Google Earth and
+the like: a map's track, where it starts and ends, and pictures on the ground.
 
-from collections.abc import Mapping
+A KMZ is clamped to the ground, which on the sea is the water's surface: below it Google Earth's own sea floor, coarse
+and often above the true one, would hide the map. The coordinates have their heights all the same.
+"""
+
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.surface import surface_reach
 from sonarmap.tools.files.geo.georeference import VERTICALS
+from sonarmap.tools.files.time_scales import utc_text
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.formats import HEIGHTS
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, empty_share, sufficient_cell
-from sonarmap.tools.products.export.kmz import xml_bytes
 
 NODATA = -9999.0
 _BLOCK = 256  # edge of a tile
@@ -137,3 +149,191 @@ def _qgis_style(grid: MapGrid) -> bytes:
     renderer = {**band, "rastershader": {"colorrampshader": {**ramp, "item": items}}}
     style = {"@version": "3.22.0", "@styleCategories": "Symbology"}
     return xml_bytes("qgis", {**style, "pipe": {"rasterrenderer": renderer}})
+
+
+KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
+_CLAMPED = {"altitudeMode": "clampToGround"}
+_TRACK_COLOR = "ff2727d6"  # alpha, blue, green, red
+_NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_LEGEND = "files/legend.png"  # in a KMZ
+_LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
+    name: {"@x": x, "@y": y, "@xunits": "fraction", "@yunits": "fraction"}
+    for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
+}
+_NARROWEST = 100.0  # of what is in view at first [m]
+_LARGEST, _SMALLEST = 4096, 1024  # edge of a picture: beyond it graphics cards shrink it, below it edges are blurred
+_DEGREE = 111_195.0  # of latitude on the mean sphere [m]; a pixel's size need not be exact
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A PNG on the Earth."""
+
+    png: bytes  # the file
+    box: dict[str, float]  # north, south, east, west [deg]; west is less than east
+
+
+def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
+    """Write the track of a part, with times where the scans have them, the map from above as a picture on the ground,
+    and a legend, as KML 2.2 in a zip archive; returns what the picture shows."""
+    pictures = [(f"files/map_{number}.png", picture) for number, picture in enumerate(pictures_of(earth), 1)]
+    # the document comes first, where readers look for it
+    contents = [("doc.kml", _document(earth, pictures)), *((name, picture.png) for name, picture in pictures)]
+    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, content in (*contents, (_LEGEND, legend_of(earth))):
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
+    return {
+        "picture": "the uppermost surface from above, colored by height from the first to the last percent of the "
+        "points that several scans saw; north up, rows and columns along latitude and longitude",
+        "altitude_mode": "clampToGround: all is drawn on the water's surface, whatever its height",
+    }
+
+
+def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]]) -> bytes:
+    """The document in UTF-8; `pictures` of the map, with their paths in the archive."""
+    part, track = earth.part, {"tessellate": "1", **_CLAMPED}
+    track["coordinates"] = "\n".join(_coordinate(place, ",") for place in earth.poses)
+    ends = [_place(earth, "start", 0), _place(earth, "end", -1)]
+    line = {"name": "track", "styleUrl": "#track", "LineString": track}
+    document = {
+        "name": f"{earth.folder.path.resolve().name} map{part.suffix}",
+        "open": "1",
+        "description": _described(
+            f"{len(part.scans)} scans, {len(part.points):,} points, voxel {earth.folder.voxel:.3g} m. Heights count "
+            f"from {VERTICALS[earth.georeference.vertical]}, positive up. Everything is drawn on the water's surface."
+        ),
+        "LookAt": _look_at(earth),
+        "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
+        "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
+        "ScreenOverlay": {"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE},
+        "Placemark": [line, *_timed_track(earth), *ends],
+    }
+    return xml_bytes("kml", {"@xmlns": KML, "@xmlns:gx": GX, "Document": document})
+
+
+def xml_bytes(tag: str, content: Mapping[str, Any]) -> bytes:
+    """A document in UTF-8, of attributes (@name) and of children with texts or contents of their own; a list is several
+    of the same name. Characters that XML cannot hold (of a file's name) become question marks."""
+    root = Element(tag)
+    _fill_element(root, content)
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text
+
+
+def _fill_element(element: Element, content: Mapping[str, Any]) -> None:
+    for name, value in content.items():
+        if name.startswith("@"):
+            element.set(name[1:], value)
+            continue
+        for each in value if isinstance(value, list) else [value]:
+            child = SubElement(element, name)
+            if isinstance(each, str):
+                child.text = _NOT_IN_XML.sub("?", each)
+            else:
+                _fill_element(child, each)
+
+
+def _described(words: str) -> str:
+    """A description, which Google Earth takes for HTML: what a scan's name has of that is shown as it is."""
+    return escape(words, quote=False)
+
+
+def _look_at(earth: Georeferenced) -> dict[str, str]:
+    extent = float(np.ptp(earth.part.points[:, :2], axis=0).max())
+    (latitude, longitude, _) = earth.georeference.geodetic(earth.part.points.mean(axis=0)[None])[0].tolist()
+    place = {"longitude": f"{longitude:.7f}", "latitude": f"{latitude:.7f}", "altitude": "0"}
+    return place | {"range": f"{1.5 * max(extent, _NARROWEST):.0f}"} | _CLAMPED
+
+
+def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
+    box = {side: f"{degrees:.10f}" for side, degrees in picture.box.items()}
+    name = "map" if number == 1 else f"map, piece {number}"
+    return {"name": name, "Icon": {"href": href}, **_CLAMPED, "LatLonBox": box}
+
+
+def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:
+    """The same with times, for the time slider, in order of time, which programs expect; none without times."""
+    if not earth.timed:
+        return []
+    track = {
+        **_CLAMPED,
+        "when": [utc_text(stamp) for stamp in earth.stamps[earth.in_time].tolist()],
+        "gx:coord": [_coordinate(place, " ") for place in earth.poses[earth.in_time]],
+    }
+    return [{"name": "track with times", "styleUrl": "#track", "gx:Track": track}]
+
+
+def _place(earth: Georeferenced, name: str, k: int) -> dict[str, Any]:
+    place, stamp = earth.poses[k], float(earth.stamps[k])
+    time = utc_text(stamp) if earth.timed else f"stamp {stamp:g} s"
+    words = f"{earth.names[k]}, {time}, {place[0]:.8f}, {place[1]:.8f}, height {place[2]:.2f} m"
+    point = {**_CLAMPED, "coordinates": _coordinate(place, ",")}
+    return {"name": name, "description": _described(words), "Point": point}
+
+
+def _coordinate(place: np.ndarray, separator: str) -> str:
+    """Longitude, latitude [deg] and height [m] of a place (3,): to a tenth of a millimeter."""
+    latitude, longitude, height = place.tolist()
+    return separator.join((f"{longitude:.10f}", f"{latitude:.10f}", f"{height:.4f}"))
+
+
+def pictures_of(earth: Georeferenced) -> list[Picture]:
+    """The map from above, colored by height, clear where there are no points: one picture, two across 180 degrees.
+
+    A pixel shows the same height as a cell of the GeoTIFF would there.
+    """
+    from matplotlib import colormaps
+
+    latitude, longitude, _ = earth.points.T
+    middle = earth.georeference.longitude
+    longitude = middle + (longitude - middle + 180) % 360 - 180  # without the jump at 180 degrees
+    across = _DEGREE * np.cos(np.radians(np.abs(latitude).min()))
+    extents = np.ptp(latitude) * _DEGREE, np.ptp(longitude) * across
+    cell = max(earth.cell_m, *(extent / _LARGEST for extent in extents))
+    # columns that go round the Earth evenly, so that 180 degrees is the edge of a column
+    around, down = round(360 * across / cell), cell / _DEGREE
+    row = np.floor((90 - latitude) / down).astype(np.int64)
+    column = np.floor((longitude + 180) / 360 * around).astype(np.int64)
+    low, high = earth.shown_heights
+    pictures: list[Picture] = []
+    for turn in np.unique(column // around).tolist():
+        here = column // around == turn
+        upper, left = int(row[here].min()), int(column[here].min())
+        cells = earth.cells(row[here] - upper, column[here] - left, here)
+        rows, width = int(cells.row.max()) + 1, int(cells.column.max()) + 1
+        colors = np.zeros((rows, width, 4), np.uint8)
+        shares = np.clip((cells.height - low) / (high - low), 0, 1)
+        colors[cells.row, cells.column] = colormaps[HEIGHT_COLORS](shares, bytes=True)
+        box = {"north": 90 - upper * down, "south": 90 - (upper + rows) * down}
+        for side, edge in (("east", left + width), ("west", left)):
+            box[side] = -180 + 360 * (edge - turn * around) / around
+        pictures.append(Picture(_png(colors), box))
+    return pictures
+
+
+def legend_of(earth: Georeferenced) -> bytes:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    low, high = earth.shown_heights
+    figure = Figure(figsize=(1.4, 3.2), dpi=110, facecolor=(1, 1, 1, 0.85))
+    axes = figure.add_axes((0.1, 0.05, 0.18, 0.9))
+    scale = figure.colorbar(ScalarMappable(Normalize(low, high), HEIGHT_COLORS), cax=axes)
+    scale.set_label(f"height [m] above\n{VERTICALS[earth.georeference.vertical]}", fontsize=8)
+    scale.ax.tick_params(labelsize=8)
+    drawn = BytesIO()
+    figure.savefig(drawn, format="png")
+    return drawn.getvalue()
+
+
+def _png(colors: np.ndarray) -> bytes:
+    from PIL import Image
+
+    times = max(1, _SMALLEST // max(colors.shape[:2]))
+    drawn = BytesIO()
+    Image.fromarray(colors.repeat(times, axis=0).repeat(times, axis=1)).save(drawn, format="png", optimize=True)
+    return drawn.getvalue()

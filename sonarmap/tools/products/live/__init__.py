@@ -2,5 +2,5 @@
 
 In: messages that the mapping publishes (`messages.py`). Out: a page and its WebSocket (`server.py`), which gives every
 browser what it still lacks. No file is served: the page is joined once from the scripts here and the report's, in one
-scope. `dive.js` holds what was received, `view.js` draws it, `live.js` shows the plan and the rest.
+scope. `view.js` holds what was received and draws it, `live.js` shows the plan and the rest.
 """

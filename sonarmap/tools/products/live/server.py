@@ -38,8 +38,8 @@ _HEADERS = {
 }
 _quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # what strangers send is no news
 OWN = "sonarmap.tools.products.live"
-_OF_REPORT = ("camera", "scene", "picking", "palettes", "elements", "layers", "labels", "gestures", "controls")
-_OWN = ("dive", "view", "live")
+_OF_REPORT = ("camera", "scene", "elements", "layers", "labels", "gestures", "controls")
+_OWN = ("view", "live")
 
 
 class LivePage:

@@ -1,15 +1,30 @@
-"""The folder that `sonarmap map` writes."""
+"""The folder that `sonarmap map` writes. `summary.json`: what was run, with what, and what came of it; `graph.json`:
+the pose graph without any loss, with what a g2o file has no place for."""
 
+import math
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 
+from sonarmap.kernels.device.device import Device
+from sonarmap.slam.execute.runner import Timings
+from sonarmap.slam.graph.gauge import MEASURED
+from sonarmap.slam.graph.tangent import worst_sigmas
+from sonarmap.slam.map.crossing import Crossing, CrossingError
 from sonarmap.slam.map.point_map import PointMap
-from sonarmap.slam.parts import placed
+from sonarmap.slam.motion.straighten import Way
+from sonarmap.slam.pair import Pair, Role
+from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.map_folder.names import (
     FULL_GRAPH,
     GRAPH,
@@ -23,18 +38,48 @@ from sonarmap.tools.files.map_folder.names import (
     earlier_files,
     write_summary,
 )
+from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.csv_table import PAIRS
+from sonarmap.tools.files.readers.poses.trajectory import FORMAT
+from sonarmap.tools.files.readers.scans import Unread
 from sonarmap.tools.files.writers.atomic import all_or_none, discard
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.poses import write_g2o, write_tum
 from sonarmap.tools.files.writers.tables import write_json
-from sonarmap.tools.products.output.pairs_file import write_pairs
-from sonarmap.tools.products.output.summary import SurveyRun, survey_graph, survey_summary
+from sonarmap.tools.products.output.faults import contradictions, faults, odd_rows, systematic_words, understated_rows
+from sonarmap.tools.products.output.pairs_file import (
+    control_fit,
+    control_rows,
+    fields_of,
+    pair_row,
+    registration_of,
+    tie_rows,
+    write_pairs,
+)
 from sonarmap.tools.products.report.pictures import draw_map
 from sonarmap.tools.products.report.provenance import inputs_of
 
 _LAYER = re.compile(r"_survey_(\d+)$")
 _ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyRun:
+    """names: of the scans, in their order.
+    settings: as the user gave them or as they were chosen; dataclasses are fine as values.
+    device: what it ran on; None for a method that takes none.
+    unread: scans that could not be read.
+    inputs: the files, as `input_rows` describes them.
+    georeference: where the map lies on the Earth; None where it is not known.
+    times: how long it took, for times.json: see `survey_times`; None for no such file."""
+
+    names: Sequence[str]
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    device: Device | None = None
+    unread: Sequence[Unread] = ()
+    inputs: Sequence[Mapping[str, Any]] = ()
+    georeference: Georeference | None = None
+    times: Mapping[str, Any] | None = None
 
 
 def part_files(result: SurveyResult, rank: int) -> list[str]:
@@ -121,3 +166,218 @@ def _columns(point_map: PointMap) -> dict[str, np.ndarray]:
     names = ("count", "seen", "sigma", "scan", "survey")
     echo = {} if point_map.strength is None else {"intensity": point_map.strength}
     return {name: getattr(point_map, name) for name in names} | echo
+
+
+def survey_times(timings: Timings, workers: int) -> dict[str, Any]:
+    """The content of `times.json`: what differs between runs that give the same results; `workers` is how many
+    processes registered."""
+    return {
+        "workers": workers,
+        "pairs_from_journal": timings.from_journal,
+        "pairs": timings.pairs,
+        "stages_s": timings.stages,
+        "peak_memory_bytes": peak_memory(),
+    }
+
+
+def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
+    """The content of a survey's summary.json. Every scan that could not be read is listed with its reason and its gap,
+    the indices of the scans before and after it (null if there is none); "gaps" has these after the pairs that failed.
+    """
+    solution, graph, names = result.solution, result.solution.graph, list(run.names)
+    gaps = [_gap(scan.before, len(names)) for scan in run.unread]
+    return {
+        "versions": package_versions(),
+        "device": {"name": run.device.name, "platform": run.device.platform} if run.device else None,
+        "settings": run.settings,
+        "inputs": run.inputs,
+        "georeference": run.georeference.to_json() if run.georeference else None,
+        "scans": [
+            {**row, "sigmas": sigmas}
+            for row, sigmas in zip(scan_rows(result, names), pose_sigmas(result.covariances), strict=True)
+        ],
+        "pairs": _pair_counts(result.pairs),
+        "gaps": list(dict.fromkeys([*result.gaps, *gaps])),
+        "unread": [
+            {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(run.unread, gaps, strict=True)
+        ],
+        "components": [_component_row(result, c, graph.gauge.unmeasured) for c in placed(result.components)],
+        "unplaced": unplaced(result.components),
+        "odd_scans": odd_rows(result, names),
+        "scaled_scans": result.scaled and asdict(result.scaled),
+        "key_scans": result.keys,
+        "interpolated": result.interpolated,
+        "straightened": result.straightened,
+        "by_navigation": result.by_navigation,
+        "warnings": faults(result, names),
+        "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
+        "measured": {
+            kind: {"used": used, "given": given, "median_sigmas": sigmas}
+            for kind, (used, given, sigmas) in result.agreement.items()
+        },
+        "understated": understated_rows(result),
+        "contradictions": contradictions(result),
+        "systematic": result.systematic
+        and {**asdict(result.systematic), "reason": systematic_words(result.systematic)},
+        "ties": tie_rows(result, names),
+        "control_points": control_rows(result, names),
+        "control": control_fit(result, names),
+        "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),
+        "graph": {
+            "edges": len(graph.edges),
+            "loops": sum(pair.kept and pair.role == "loop" for pair in result.pairs),
+            "bridges": sum(pair.kept and pair.role == "bridge" for pair in result.pairs),
+            **fields_of(solution, "chi_squared_before", "chi_squared_after"),
+            **fields_of(solution, "degrees_of_freedom", "iterations", "converged"),
+        },
+    }
+
+
+def scan_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """What each scan is, and how sure its pose."""
+    columns = zip(result.trajectory.stamps, result.surveys, result.covariances, strict=True)
+    return [
+        {"index": k, "name": name, "stamp": stamp, "survey": survey, "covariance": covariance}
+        for k, (name, (stamp, survey, covariance)) in enumerate(zip(names, columns, strict=True))
+    ]
+
+
+def _gap(before: int, count: int) -> tuple[int | None, int | None]:
+    return before - 1 if before > 0 else None, before if before < count else None
+
+
+def _pair_counts(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """How many pairs were tried and kept, in all and by their roles, and where each of them is described."""
+    tried, kept = Counter(pair.role for pair in pairs), Counter(pair.role for pair in pairs if pair.kept)
+    by_role = {role: {"tried": tried[role], "kept": kept[role]} for role in get_args(Role) if tried[role]}
+    return {"file": PAIRS, "tried": len(pairs), "kept": kept.total(), "by_role": by_role}
+
+
+def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
+    """Of (N, 6, 6) covariances, each pose's standard deviations along its worst direction."""
+    sigmas = np.transpose(worst_sigmas(covariances)).tolist()
+    return [{"rotation_deg": math.degrees(r), "translation_m": t} for r, t in sigmas]
+
+
+def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.ndarray]) -> dict[str, Any]:
+    """A component that is a map, with the sizes of its layers by their surveys; `unmeasured` as `PoseGraph` has it."""
+    members = result.components[c]
+    free = next((unmeasured[pose] for pose in members if pose in unmeasured), np.zeros(6, dtype=bool))
+    row = {
+        "scans": members,
+        "unmeasured": [name for name, unknown in zip(MEASURED, free, strict=True) if unknown],
+        "map": map_statistics(result.maps[c]),
+    }
+    layers = {number: map_statistics(layer.clean) for number, layer in result.parts[c].layers.items()}
+    return row | ({"surveys": layers} if layers else {})
+
+
+def crossing_row(error: CrossingError) -> dict[str, Any]:
+    """How far apart scans lie where the track crosses itself, before the loops and after; null without crossings."""
+    row: dict[str, Any] = {"pairs": len(error.crossings)}
+    for name, apart in (("before", error.before), ("after", error.after)):
+        row[name] = apart.median if apart else None
+        row[f"{name}_90"] = apart.most if apart else None
+    return row
+
+
+def map_statistics(point_map: PointMap) -> dict[str, Any]:
+    """Size and extent of a map, and how much of it more than one scan saw."""
+    return {
+        "points": len(point_map.points),
+        "voxel_m": point_map.voxel,
+        "lower_m": point_map.points.min(axis=0),
+        "upper_m": point_map.points.max(axis=0),
+        "measured_points": point_map.count.sum(),
+        "points_left_out": point_map.left_out,
+        "contradicted_by_free_space": point_map.removed,
+        "seen_by_too_few": point_map.doubted,
+        "median_sigma_m": np.median(point_map.sigma),
+        "seen_by_two_or_more": (point_map.seen >= 2).mean(),
+        "most_scans_on_a_voxel": point_map.seen.max(),
+    }
+
+
+# What the numbers are, for whoever reads the file without these pages.
+CONVENTIONS = {
+    "T_world_sensor": "p_world = T p_sensor, 4x4 [m]; the world is East-North-Up where 'in_world', else the frame of "
+    "the component's first pose; before_loops: as consecutive registrations and navigation alone place the scan",
+    "T_i_j": "p_i = T p_j, 4x4 [m]; T_target_source likewise",
+    "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, of j, or of "
+    "the source",
+    "crossings": "scans where the track crosses itself: how far apart they lie before and after the loops, medians "
+    "and 90th percentiles [m]",
+    "control_points": "that the map is fitted to: in the sensor's frame of their pose, and known East, North, Up [m]",
+    "straightened_by": "the way by which scans whose points have times were straightened: the poses of the map before",
+    "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
+}
+
+
+def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
+    """The content of a survey's graph.json: poses, edges as weighed, every pair with its verdict, and priors."""
+    graph = result.solution.graph
+    component = {scan: number for number, members in enumerate(graph.components) for scan in members}
+    measured = {pose for pose, _ in graph.priors} | {known.pose for known in graph.known}
+    measured |= {point.scan for point in graph.control}
+    in_world = [not measured.isdisjoint(members) for members in graph.components]
+    keys = None if result.keys is None else set(result.keys)
+    return {
+        "format": FORMAT,
+        "conventions": CONVENTIONS,
+        "poses": [
+            {
+                **row,
+                "component": component[k],
+                "in_world": in_world[component[k]],
+                "key_scan": keys is None or k in keys,
+                "T_world_sensor": result.trajectory.T_world_sensor[k].as_matrix(),
+                "T_world_sensor_before_loops": result.chained.T_world_sensor[k].as_matrix(),
+            }
+            for k, row in enumerate(scan_rows(result, names))
+        ],
+        "edges": [
+            fields_of(edge, "i", "j", "kind")
+            | {"T_i_j": edge.registration.T_target_source.as_matrix()}
+            | fields_of(edge.registration, "covariance", "probability", "reason")
+            for edge in graph.edges
+        ],
+        "pairs": [_pair_row(pair) for pair in result.pairs],
+        "priors": [_prior_row(pose, prior) for pose, prior in graph.priors],
+        "control_points": [
+            {"name": point.name, "pose": point.scan, **fields_of(point, "point", "known", "sigmas")}
+            for point in graph.control
+        ],
+        "wrong_fixes": [{"pose": fix.scan} | fields_of(fix, "kind", "sigmas", "place") for fix in result.wrong_fixes],
+        "anchors": graph.anchors,
+        "straightened_by": None if result.way is None else _way_row(result.way),
+        "crossings": [_crossing_row(crossing) for part in result.parts for crossing in part.crossings.crossings],
+    }
+
+
+def _way_row(way: Way) -> Mapping[str, Any]:
+    return {**fields_of(way, "runs", "bent", "turned"), "T_world_sensor": way.trajectory.T_world_sensor.as_matrix()}
+
+
+def _pair_row(pair: Pair) -> Mapping[str, Any]:
+    """A pair with its verdict and, unless it failed, with what was measured."""
+    registration = registration_of(pair)
+    row = pair_row(pair) | ({"by_hand": pair.by_hand, "note": pair.note} if pair.by_hand else {})
+    if registration is None:
+        return row
+    return {
+        **row,
+        "T_target_source": registration.T_target_source.as_matrix(),
+        "covariance": registration.covariance,
+        "step_psr": dict(registration.step_psr),
+    }
+
+
+def _crossing_row(crossing: Crossing) -> Mapping[str, Any]:
+    before, after = crossing.before, crossing.after
+    apart = {"before_m": before.median, "before_90_m": before.most, "after_m": after.median, "after_90_m": after.most}
+    return {"i": crossing.i, "j": crossing.j, **apart}
+
+
+def _prior_row(pose: int, prior: PosePrior) -> Mapping[str, Any]:
+    sigmas = [sigma if np.isfinite(sigma) else None for sigma in prior.sigmas.tolist()]
+    return {"pose": pose, "T_world_sensor": prior.T_world_sensor.as_matrix(), "sigmas": sigmas}

@@ -23,7 +23,7 @@ from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.tables import write_json, write_table
-from sonarmap.tools.products.export.laz import gps_times, las_header
+from sonarmap.tools.products.export.clouds import gps_times, las_header
 
 COLUMNS = (
     *("line", "ping", "utc", "unix_s", "lat_deg", "lon_deg", "easting_m", "northing_m", "height_m"),

@@ -54,11 +54,7 @@ def content_of(folder: Map) -> Content:
         "pairs": pair_rows(graph["pairs"]),
         "sequential": kept_sequential(graph["pairs"]),
         "crossings": summary["crossing_error_m"] | {"rows": crossing_rows(graph)},
-        "navigation": {
-            "names": [*ANGLES, *AXES],
-            "units": ["deg"] * 3 + ["m"] * 3,
-            "rows": navigation_rows(graph),
-        },
+        "navigation": {"names": [*ANGLES, *AXES], "units": ["deg"] * 3 + ["m"] * 3, "rows": navigation_rows(graph)},
         "wrong_fixes": wrong_places(graph),
         "ties": tie_rows(summary, folder.names),
         "control_points": control_rows(summary, folder.parts, folder.names),

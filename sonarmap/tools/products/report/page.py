@@ -20,8 +20,8 @@ from sonarmap.tools.products.report.content import Content, content_of
 SCRIPTS = tuple(
     f"{name}.js"
     for name in (
-        *("packed", "camera", "scene", "picking", "palettes", "elements", "colorings", "layers", "geodesy", "labels"),
-        *("gestures", "canvas", "view", "controls", "ties", "sections", "main"),
+        *("packed", "camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "canvas", "view"),
+        *("controls", "ties", "sections", "main"),
     )
 )
 REPORT_WEB = "sonarmap.tools.products.report.web"

@@ -85,9 +85,7 @@ def test_a_hole_is_found_from_either_side(tmp_path: Path) -> None:
     off = results["old"]["alignment"]["T_old_new"] @ near.as_matrix()
     np.testing.assert_allclose(off, np.eye(4), atol=0.15)
     np.testing.assert_allclose(
-        results["old.ply"]["regions"][0]["place_m"],
-        near.apply(results["old"]["regions"][0]["place_m"]),
-        atol=0.5,
+        results["old.ply"]["regions"][0]["place_m"], near.apply(results["old"]["regions"][0]["place_m"]), atol=0.5
     )
     moved = library.compare(tmp_path / "old", OTHER.inv().apply(clouds["new"]), edge=64)
     assert moved.alignment is not None

@@ -18,7 +18,7 @@ from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.trajectory import read_gt_log, read_kitti, read_tum
 from sonarmap.tools.files.writers.poses import write_g2o, write_tum
 from sonarmap.tools.files.writers.tables import to_json, write_json
-from sonarmap.tools.products.output.summary import SurveyRun, survey_summary
+from sonarmap.tools.products.output.folder import SurveyRun, survey_summary
 from tests.samples.places import DATA
 from tests.samples.refusals import refuses
 from tests.samples.surveys import KnowingRegistrar, edge, random_covariance, random_transforms, ring_poses, scans_of

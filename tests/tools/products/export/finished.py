@@ -20,8 +20,7 @@ from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.products.export.clouds import Cloud
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.output.folder import write_survey
-from sonarmap.tools.products.output.summary import SurveyRun
+from sonarmap.tools.products.output.folder import SurveyRun, write_survey
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 8

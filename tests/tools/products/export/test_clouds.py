@@ -11,8 +11,8 @@ from pyproj import CRS
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.products.export.clouds import write_laz
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.laz import write_laz
 from tests.tools.products.export.finished import START, cloud_of, georeferenced, local_of, scattered, timed
 
 # At borders of zones: Norway's widened 32, 180 east, and the pole's

@@ -13,10 +13,9 @@ import pytest
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
-from sonarmap.tools.products.export.kmz import GX
+from sonarmap.tools.products.export.geotiff import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map
-from sonarmap.tools.products.output.folder import write_survey
-from sonarmap.tools.products.output.summary import SurveyRun
+from sonarmap.tools.products.output.folder import SurveyRun, write_survey
 from tests.samples.clutter_scans import table_of
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.kmz import write_kmz
+from sonarmap.tools.products.export.geotiff import write_kmz
 from tests.tools.products.export.finished import START, georeferenced, scattered, timed
 
 NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}

@@ -23,10 +23,9 @@ from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.map_folder.scans import mapped_scans
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.products.export.laz import write_copc, write_laz
+from sonarmap.tools.products.export.clouds import write_copc, write_laz
 from sonarmap.tools.products.export.run import ExportSettings, export_map
-from sonarmap.tools.products.output.folder import write_survey
-from sonarmap.tools.products.output.summary import SurveyRun
+from sonarmap.tools.products.output.folder import SurveyRun, write_survey
 from tests.samples.clutter_scans import done, refused, scan, sonarmap
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 from tests.tools.products.export.finished import cloud_of, georeferenced, local_of, scattered
@@ -154,8 +153,8 @@ def test_straightened_scans_are_straightened_by_the_same_way(tmp_path: Path) -> 
 
 def test_an_octree_of_several_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Coarse levels are spread over the map; laspy, copclib and LASzip read as many points as the LAZ has."""
-    monkeypatch.setattr("sonarmap.tools.products.export.laz._CELLS", 8)
-    monkeypatch.setattr("sonarmap.tools.products.export.laz._FEW", 50)
+    monkeypatch.setattr("sonarmap.tools.products.export.clouds._CELLS", 8)
+    monkeypatch.setattr("sonarmap.tools.products.export.clouds._FEW", 50)
     cloud = cloud_of(georeferenced(Georeference(60.0, 5.0), scattered(reach=30.0), points=6_000))
     write_laz(tmp_path / "map.laz", cloud)
     path = tmp_path / "map.copc.laz"

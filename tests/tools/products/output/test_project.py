@@ -18,8 +18,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.names import require_apart
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
-from sonarmap.tools.products.output.folder import write_survey
-from sonarmap.tools.products.output.summary import SurveyRun
+from sonarmap.tools.products.output.folder import SurveyRun, write_survey
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 12

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.products.volume import Volume, volume_between, volume_to_level
+from sonarmap.tools.products.section import Volume, volume_between, volume_to_level
 from tests.tools.products.section.made_up import bed, moved, placed
 
 HERE = Georeference(60.0, 9.0, height=1.0)
