@@ -8,19 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
-from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.methods.registry import METHODS
 from tests.samples.clutter_scans import (
     T_WORLD_SENSOR,
-    done,
-    files_in,
     printed,
     refused,
     scan,
     sonarmap,
-    table_of,
     write,
 )
 
@@ -96,26 +91,3 @@ def test_a_missing_package(pair: list[str], method: str, module: str, monkeypatc
     monkeypatch.setitem(sys.modules, module, None)
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
     refused(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
-
-
-@pytest.mark.slow
-def test_a_map(tmp_path: Path) -> None:
-    write(tmp_path, **{f"scan_{k}": scan(k) for k in range(3)})
-    out = tmp_path / "out"
-    result = sonarmap("map", tmp_path, "-o", out, "--method", "icp-plane", *VOXEL, "--json")
-    summary = printed(result)
-    assert result.stderr == ""
-    settings = summary["settings"]
-    assert (settings["method"], settings["spectral"], summary["device"]) == ("icp-plane", None, None)
-    assert settings["grid"] == {"edge": None, "voxel": 0.4}
-    chained = [one for one in table_of(out / "pairs.csv") if one["role"] == "sequential"]
-    assert all(one["psr"] == one["probability"] == "" and one["kept"] == "yes" for one in chained)
-    truth = Trajectory(np.arange(3.0), T_WORLD_SENSOR[:3])
-    found = evaluate(read_tum(out / "trajectory.tum"), truth, "first")
-    assert found.translation_m.max() < 0.4
-    again = done(sonarmap("map", tmp_path, "-o", tmp_path / "again", "--method", "icp-plane", *VOXEL))
-    assert "peak: how high" not in again.stdout
-    assert "nan" not in again.stdout
-    first, second = files_in(out), files_in(tmp_path / "again")
-    # these hold seconds
-    assert {name for name in first if first[name] != second[name]} == {"times.json", "journal.sqlite"}

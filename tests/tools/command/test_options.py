@@ -1,16 +1,25 @@
 """The options that verbs share: their defaults and what arrives of them; arguments in errors become options."""
 
+import os
 import re
+import subprocess
+import sys
+from collections.abc import Callable
 
 import pytest
 import typer
 from typer.testing import CliRunner, Result
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.mapper import MapperSettings
-from sonarmap.tools.command.failures import OPTIONS, as_options
-from sonarmap.tools.command.main import VERBS, app
+from sonarmap.tools.command.failures import OPTIONS, as_options, guarded
+from sonarmap.tools.command.main import VERBS, app, run
 from sonarmap.tools.command.method import MethodOptions, changed
 from sonarmap.tools.command.option import spread
+from sonarmap.tools.command.terminal import say
+from sonarmap.tools.methods.registry import METHODS
+from tests.samples.command_line import ROOT, SONARMAP, sonarmap
+from tests.samples.processor_time import processor_time
 from tests.samples.refusals import refuses
 
 
@@ -84,3 +93,170 @@ def test_set_reaches_every_field() -> None:
 )
 def test_a_mistake_in_set(text: str, words: str) -> None:
     refuses(re.escape(words), changed, MapperSettings(), [text])
+
+
+CALL = [
+    sys.executable,
+    "-c",
+    "import sys; sys.argv[0] = 'sonarmap'; from sonarmap.tools.command.start import start; start()",
+]
+
+
+def asked(**variables: str) -> str:
+    """What the command answers its shell."""
+    environment = {**os.environ, **variables, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(CALL, env=environment, capture_output=True, text=True, check=True).stdout
+
+
+def completed(line: str) -> list[str]:
+    """What bash is offered for the last word of a command line."""
+    words = line.split(" ")
+    return asked(_SONARMAP_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(len(words) - 1)).split()
+
+
+LINES: dict[str, list[str]] = {
+    "sonarmap r": ["record", "register", "reproduce"],
+    "sonarmap map --max-s": ["--max-speed"],  # rare options too
+    "sonarmap map a.ply -o out --method ": list(METHODS),
+    "sonarmap export map/ --format eiva": ["eiva-position", "eiva-attitude"],
+    "sonarmap simulate --scene s": ["ship", "sandflat", "seabed", "shallow"],
+    "sonarmap map --vertical EGM": ["EGM96", "EGM2008"],
+    "sonarmap reproduce trans": ["translation"],
+    "sonarmap simulate --priors attitude,": ["attitude,heading", "attitude,depth", "attitude,position"],
+    "sonarmap map --priors ": [],  # nothing of ours: the shell completes files
+    "sonarmap --inst": ["--install-completion"],
+    "sonarmap map --device g": ["gpu"],
+}
+# The command loaded once, and what it answers of each line.
+MANY = """
+import os, sys
+from sonarmap.tools.command.start import start
+lines, sys.argv[:] = sys.argv[1:], ["sonarmap"]
+for line in lines:
+    os.environ.update(COMP_WORDS=line, COMP_CWORD=str(line.count(" ")))
+    try:
+        start()
+    except SystemExit:
+        print("answered")
+"""
+
+
+@pytest.fixture(scope="module")
+def answers() -> dict[str, list[str]]:
+    """What bash is offered for the last words of all of LINES."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_SONARMAP_COMPLETE": "complete_bash"}
+    command = [sys.executable, "-c", MANY, *LINES]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert ended.stderr == ""
+    *given, rest = ended.stdout.split("answered\n")
+    assert rest == ""
+    return {line: answer.split() for line, answer in zip(LINES, given, strict=True)}
+
+
+@pytest.mark.parametrize(("line", "offered"), LINES.items())
+def test_what_is_offered(answers: dict[str, list[str]], line: str, offered: list[str]) -> None:
+    assert answers[line] == offered
+
+
+def test_it_answers_before_one_waits() -> None:
+    """Without SciPy, Open3D and the like: it computes for 0.3 s; what is checked is far more, for a slow machine."""
+    start = processor_time()
+    completed("sonarmap map --")
+    assert processor_time() - start < 5
+    listed = subprocess.run(
+        [CALL[0], "-X", "importtime", *CALL[1:]],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "_SONARMAP_COMPLETE": "complete_bash", "COMP_CWORD": "2",
+             "COMP_WORDS": "sonarmap map --"},
+        capture_output=True, text=True, check=True,
+    ).stderr  # fmt: skip
+    imported = {line.rpartition("|")[2].strip().partition(".")[0] for line in listed.splitlines()}
+    assert not imported & {"scipy", "open3d", "matplotlib", "pyopencl", "gtsam", "pyproj", "rasterio"}
+
+
+def exit_code_of(command: Callable[[], object]) -> int:
+    with pytest.raises(typer.Exit) as ended:
+        guarded(command)()
+    return ended.value.exit_code
+
+
+def raiser(error: BaseException) -> Callable[[], None]:
+    def command() -> None:
+        raise error
+
+    return command
+
+
+class TestExitCodes:
+    def test_an_error_to_mend_is_a_message_and_2(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert exit_code_of(raiser(InputError("a.ply: it is [bold]empty[/bold]; give another"))) == 2
+        assert capsys.readouterr() == ("", "error: a.ply: it is [bold]empty[/bold]; give another\n")
+
+    def test_a_defect_is_1(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.delenv("SONARMAP_DEBUG", raising=False)
+        assert exit_code_of(raiser(ZeroDivisionError("by\nzero"))) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith("error: this is a defect of sonarmap")
+        assert "ZeroDivisionError: by zero (test_cli.py, line" in line
+        assert "SONARMAP_DEBUG=1" in line
+
+    @pytest.mark.parametrize("error", [ZeroDivisionError("by zero"), InputError("empty")])
+    def test_debugging_shows_the_traceback(
+        self, error: Exception, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("SONARMAP_DEBUG", "1")
+        exit_code_of(raiser(error))
+        assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+    @pytest.mark.parametrize("ending", [typer.Exit(3), typer.BadParameter("no")])
+    def test_what_a_verb_decides_itself_passes(self, ending: Exception) -> None:
+        with pytest.raises(type(ending)) as ended:
+            guarded(raiser(ending))()
+        assert ended.value is ending
+
+    @pytest.mark.quick_cases(1)
+    @pytest.mark.parametrize("call", ["--version", "devices --json"])
+    def test_a_closed_pipe_is_quiet(self, call: str) -> None:
+        reader, writer = os.pipe()
+        os.close(reader)
+        with os.fdopen(writer, "w") as closed:
+            ended = subprocess.run([*SONARMAP, *call.split()], cwd=ROOT, stdout=closed, stderr=subprocess.PIPE)
+        assert (ended.returncode, ended.stderr) == (141, b"")
+
+
+class TestMessages:
+    def test_what_could_steer_a_terminal_is_escaped(self, capsys: pytest.CaptureFixture[str]) -> None:
+        say("scan\x1b[2J\x07\udcff.ply\nsecond line")
+        assert capsys.readouterr().err == "scan\\x1b[2J\\x07\\udcff.ply\nsecond line\n"
+
+
+class TestEntry:
+    def test_an_interruption_before_the_verb_is_130(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr("sonarmap.tools.command.main.app", raiser(KeyboardInterrupt()))
+        with pytest.raises(SystemExit) as ended:
+            run()
+        assert ended.value.code == 130
+        assert capsys.readouterr().err == "stopped: nothing was written\n"
+
+    def test_an_interruption_while_libraries_load_is_130_without_a_word(self) -> None:
+        """The interruption comes as the command line itself is looked for."""
+        program = """
+import os, signal, sys
+
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "sonarmap.tools.command.main":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+from sonarmap.tools.command.start import start
+start()
+"""
+        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+        assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+    @pytest.mark.slow
+    def test_version(self) -> None:
+        shown = sonarmap("--version")
+        assert (shown.returncode, shown.stdout.split()[0], shown.stderr) == (0, "sonarmap", "")

@@ -2,8 +2,6 @@
 
 import shutil
 from collections.abc import Callable
-from contextlib import nullcontext
-from dataclasses import replace
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
@@ -11,12 +9,8 @@ from typing import Any
 
 import pytest
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.experiment import Outcome
-from sonarmap.tools.lab.reproduce.run import run
 from tests.samples.clutter_scans import files_in, refused, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
-from tests.samples.experiments.fake_experiment import fake, origin
 
 GRID = ("--grid", "64")
 Removal = Callable[[Path], None]
@@ -107,17 +101,3 @@ def test_while_a_graph_is_optimized(out: Path, remove: Removal, monkeypatch: Pat
     else:
         assert (result.exit_code, out.read_text()) == (2, "mine")
         said(result, f"error: cannot write {out / 'out.g2o'}")
-
-
-def test_while_an_experiment_runs(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-
-    def removing(job: str) -> Outcome:
-        if job == "c":
-            shutil.rmtree(out)
-        return Outcome(({"job": job},))
-
-    experiment = replace(fake(), run=removing)
-    with pytest.raises(InputError, match=r"journal\.sqlite was removed or replaced while"):
-        run(experiment, origin(experiment), out, lambda *_: nullcontext(lambda _: None))
-    assert not out.exists()

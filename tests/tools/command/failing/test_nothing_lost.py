@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from sonarmap.tools.products.output import folder as output_folder
-from tests.samples.clutter_scans import done, files_in, refused, said, sonarmap
+from tests.samples.clutter_scans import files_in, refused, sonarmap
 from tests.samples.places import ROOT
 
 GRID = ("--grid", "64")
@@ -98,36 +98,6 @@ def test_a_file_that_grows_too_large_leaves_earlier_results(
     result = sonarmap(*arguments, "-o", out)
     refused(result, f"error: cannot write {out}", "File too large", "what was there before is as it was")
     assert results_in(out) == before
-
-
-@pytest.fixture
-def tiny_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 300 KiB."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", disk], capture_output=True)
-    if mounted.returncode:
-        pytest.skip("no permission to mount a file system here")
-    yield disk
-    subprocess.run(["umount", disk], check=True)
-
-
-@pytest.mark.slow
-def test_a_full_disk_leaves_earlier_results(tiny_disk: Path, scans: list[str]) -> None:
-    for name in RESULTS:
-        (tiny_disk / name).write_text(f"{name} of an earlier run")
-    before = files_in(tiny_disk)
-    refused(sonarmap("map", *scans, "-o", tiny_disk, *GRID), "cannot write", "No space left on device", "make room")
-    assert results_in(tiny_disk) == before
-
-
-@pytest.mark.slow
-def test_a_damaged_row_of_the_journal_is_computed_again(tmp_path: Path, scans: list[str], mapped: Path) -> None:
-    journal = tmp_path / "journal.sqlite"
-    journal.write_bytes((mapped / "journal.sqlite").read_bytes().replace(b'"accepted": true', b'"accepted": trux', 1))
-    result = done(sonarmap("map", *scans[:2], "-o", tmp_path, *GRID))
-    said(result, "warning: 1 results in", "were damaged, and have been computed again")
-    assert (tmp_path / "map.ply").read_bytes() == (mapped / "map.ply").read_bytes()
 
 
 @pytest.mark.parametrize("written", ["write_ply", "draw_map", "write_g2o", "write_pairs", "write_json"])

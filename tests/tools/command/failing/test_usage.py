@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
-from sonarmap.kernels.errors import InputError
-from tests.samples.clutter_scans import refused, said, scan, sonarmap, write
+from tests.samples.clutter_scans import refused, refused_with_reason, said, scan, sonarmap, write
 
 
 @pytest.mark.parametrize(
@@ -101,16 +100,6 @@ class TestJson:
         assert sonarmap("map", "missing.ply", "-o", "out").stdout == ""
         assert sonarmap("devices", "--bogus").stdout == ""
 
-    @pytest.mark.slow
-    def test_a_failed_export(self, scans: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        def fail(*_: object) -> None:
-            raise InputError("no room for it")
-
-        monkeypatch.setattr("sonarmap.tools.products.report.page.write_report", fail)
-        result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--json")
-        assert failure(result) == {"error": "no room for it", "exit_code": 2}
-        assert (tmp_path / "map.ply").exists()
-
 
 class TestQuiet:
     @pytest.mark.slow
@@ -123,3 +112,42 @@ class TestQuiet:
         assert "c" in again.stderr
         refused = sonarmap("map", "missing.ply", "-o", tmp_path, "--quiet")
         assert refused.stderr.startswith("error: ")
+
+
+CALLS = [
+    ("register", "PATH.ply", "SCAN"),
+    ("map", "PATH", "-o", "OUT"),
+    ("map", "FOLDER", "-o", "PATH"),
+    *(("map", "FOLDER", "-o", "OUT", option, "PATH") for option in ("--priors", "--odometry", "--ties", "--control")),
+    ("live", "PATH", "-o", "OUT"),
+    ("record", "-o", "PATH.sonar"),
+    ("inspect", "PATH"),
+    ("inspect", "SCAN", "--template", "PATH/a.csv"),
+    ("view", "PATH"),
+    ("export", "PATH", "-o", "OUT", "--format", "laz"),
+    ("locate", "PATH", "SCAN"),
+    ("section", "PATH", "--from", "0,0", "--to", "1,1", "-o", "OUT"),
+    ("volume", "PATH", "--level", "1"),
+    ("compare", "PATH", "PATH", "-o", "OUT"),
+    ("optimize", "PATH.g2o", "-o", "OUT"),
+    ("simulate", "--scene", "pool", "--scans", "2", "-o", "PATH"),
+    ("evaluate", "PATH", "PATH"),
+    ("--config", "PATH", "devices"),
+]
+
+
+@pytest.mark.parametrize("call", CALLS, ids=" ".join)
+@pytest.mark.parametrize("name", ["n" * 300, "gone"], ids=["long", "gone"])
+def test_a_path_that_the_system_refuses_is_no_defect(
+    tmp_path: Path, call: tuple[str, ...], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "scans").mkdir()
+    paths = {"SCAN": write(tmp_path / "scans", a=scan(0), b=scan(1))[0], "FOLDER": str(tmp_path / "scans")}
+    paths |= {"OUT": str(tmp_path / "out"), "PATH": name}
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    if name == "gone":
+        here.rmdir()
+    words = [paths.get(word, word.replace("PATH", name)) for word in call]
+    refused_with_reason(sonarmap(*words))

@@ -238,15 +238,3 @@ def test_a_mapping_that_is_killed_again_and_again_is_given_up(monkeypatch: pytes
     monkeypatch.setattr(module, "_map", dies)
     with pytest.raises(InputError, match="memory is short; 'sonarmap doctor'"):
         a_dive().follow(Event())
-
-
-@pytest.mark.slow
-def test_a_recording_of_someone_else_ends_the_dive_when_it_is_given_its_name(swim: list[bytes], tmp_path: Path) -> None:
-    part, out = tmp_path / "dive.part.sonar", tmp_path / "out"
-    part.write_bytes(b"".join(swim))
-    process = live(out, part)
-    until(key(out, 1).is_file)
-    part.rename(tmp_path / "dive.sonar")
-    ended(process)
-    done(sonarmap("map", tmp_path / "dive.sonar", "-o", tmp_path / "map", *OPTIONS))
-    assert results(out) == results(tmp_path / "map")

@@ -73,24 +73,6 @@ def test_a_damaged_or_missing_one_ends_the_list(tmp_path: Path, damage: str) -> 
     assert said == [] if damage == "gone" else [f"{path} is damaged and left out; what it held is mapped again"]
 
 
-def test_every_damage_ends_the_list_and_nothing_else(tmp_path: Path) -> None:
-    keep(tmp_path, 1)
-    (path,) = (tmp_path / "live").glob("key_*.npz")
-    whole, rng = path.read_bytes(), np.random.default_rng(5)
-    lengths = rng.integers(0, len(whole), 150)
-    for length in lengths:
-        path.write_bytes(whole[:length])
-        assert list(kept_keys(tmp_path)) == []
-    said, given = list[str](), key(0)
-    for count, at in enumerate(rng.integers(0, len(whole), 600), 1):
-        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << int(rng.integers(8))]) + whole[at + 1 :])
-        for each in kept_keys(tmp_path, said.append):  # where what was changed means nothing
-            assert (each.scan.points.tobytes(), each.behind) == (given.scan.points.tobytes(), given.behind)
-            said.append("same")
-        assert len(said) == count
-    assert len(set(said)) == 2
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [

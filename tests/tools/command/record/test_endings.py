@@ -1,6 +1,5 @@
 """How recordings end, as commands of their own, and what becomes of packets while the disk is waited for."""
 
-import hashlib
 import json
 import os
 import resource
@@ -152,10 +151,6 @@ def test_it_only_listens_and_where_it_is_told(tmp_path: Path, options: tuple[str
     assert list(tmp_path.iterdir()) == []
 
 
-MOST_MEMORY, MOST_GROWTH = 250 << 20, 16 << 20  # bytes
-SHOTS, TIMES = 12_000, 10.0  # ten minutes at 20 Hz in one, which is harder for the recorder
-
-
 @pytest.mark.slow
 def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """While the first 200 packets are sent, the disk is waited for."""
@@ -185,43 +180,6 @@ def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytes
     assert status.tally.packets + status.unsaved + status.overflow == len(packets)
     assert status.tally.missing <= status.unsaved + status.overflow
     assert any("is too slow" in words for words in warnings)
-
-
-def memory_of(process: int) -> tuple[int, int]:
-    """What a process has in memory now, and what it had at most [bytes]."""
-    lines = dict(line.split(":") for line in Path(f"/proc/{process}/status").read_text().splitlines())
-    # pyrefly: ignore[bad-return]
-    return tuple(int(lines[name].split()[0]) * 1024 for name in ("VmRSS", "VmHWM"))
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(600)
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read where Linux tells it")
-def test_ten_minutes_at_20_hz_with_one_in_a_hundred_lost(tmp_path: Path) -> None:
-    """Images of the full size and an IMU, 0.6 GB; the sender is a program of its own."""
-    out = tmp_path / "dive.sonar"
-    with running(out, "--json") as (recorder, (_, port)):
-        sending = subprocess.Popen(
-            [sys.executable, "-m", "tests.samples.live.sender", str(SHOTS), str(port), str(TIMES), "0.01"],
-            cwd=ROOT, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        with sending:
-            time.sleep(SHOTS / 20 / TIMES / 6)
-            early, _ = memory_of(recorder.pid)
-            sent = json.loads(sending.communicate()[0])
-        late, most = memory_of(recorder.pid)
-        recorder.terminate()
-        said = json.loads(recorder.communicate()[0])
-    print(f"memory {early / 2**20:.0f}, {late / 2**20:.0f}, at most {most / 2**20:.0f} MiB; {sent}; {said}")
-    with out.open("rb") as file:
-        assert hashlib.file_digest(file, "sha256").hexdigest() == sent["sha256"]
-    out.unlink()
-    assert said["packets"] == sent["packets"]
-    for kind, name in (("range_images", "range"), ("strength_images", "strength"), ("imu_batches", "imu")):
-        assert said["kinds"][kind]["missing"] == sent[name] > 0
-    assert said["lost_here"] == {"receive_buffer": 0, "disk": 0}
-    assert most < MOST_MEMORY
-    assert late - early < MOST_GROWTH
 
 
 @pytest.mark.slow

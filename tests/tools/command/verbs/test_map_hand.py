@@ -10,7 +10,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
-from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, said, scan, sonarmap, table_of, write
+from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, scan, sonarmap, table_of, write
 
 GRID = ("--grid", "64", "--no-report")
 SCANS = 8
@@ -73,16 +73,6 @@ def test_an_added_pair_is_registered_once(dive: Path, out: Path, tmp_path: Path)
         assert registered(out)[1] == new
     assert "add" in result.stdout
     assert any(pair.get("by_hand") == "add" for pair in json.loads((out / "graph.json").read_text())["pairs"])
-
-
-@pytest.mark.slow
-def test_a_false_transform_is_warned_of(dive: Path, out: Path, tmp_path: Path) -> None:
-    ties = tmp_path / "ties.csv"
-    heading = "target,source,verdict,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg,sigma_m,sigma_deg\n"
-    ties.write_text(f"{heading}scan_001,scan_005,add,1,2,3,4,5,170,0.05,1\n")
-    result = sonarmap("map", dive, "-o", out, *GRID, "--ties", ties)
-    said(result, "warning: tie scan_001 - scan_005", "the rest of the survey contradicts it: chi-squared")
-    assert registered(out)[1] == 0
 
 
 def control_file(folder: Path, dive: Path, off: float = 0.0, check: int = 4) -> Path:

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.products.compare.comparison import Comparison
+from sonarmap.slam.graph.tangent import lengths
+from sonarmap.tools.products.compare.comparison import Comparison, agreed
 from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import RADIUS, Epoch, cores_of, layer_of
+from tests.samples.surveys import drawn
 from tests.tools.products.compare.made_up import NOISE, VOXEL, bed, surveyed
 
 ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)
@@ -184,3 +186,33 @@ def test_core_points_are_the_surface_once() -> None:
     assert cores.area.sum() == pytest.approx(30 * 30, rel=0.05)
     assert (cores.normals[:, 2] > 0.9).all()  # toward the sensors
     assert np.abs(cores.points[:, 2] - bed(cores.points[:, :2])).std() < NOISE
+
+
+COVARIANCE = np.diag(np.repeat([3e-3, 0.05], 3) ** 2)
+TRUTH = RigidTransform.from_exp_coords([0.1, -0.05, 1.2, 8.0, -3.0, 1.0])
+
+
+def answers(seed: int, count: int, truth: RigidTransform = TRUTH) -> list[tuple[RigidTransform, np.ndarray]]:
+    errors = drawn(np.random.default_rng(seed), COVARIANCE, count)
+    return [(errors[k] * truth, COVARIANCE) for k in range(count)]
+
+
+def test_most_answers_decide() -> None:
+    wrong = answers(2, 3, RigidTransform.from_translation([30.0, 0, 0]) * TRUTH)
+    alignment = agreed([*wrong, *answers(1, 7)], 12)
+    assert alignment is not None
+    assert (alignment.located, alignment.agreeing, alignment.tried) == (10, 7, 12)
+    xi = (TRUTH * alignment.T_old_new.inv()).as_exp_coords()
+    assert lengths(xi[None], alignment.covariance[None])[0] < 3
+    np.testing.assert_allclose(alignment.covariance, COVARIANCE)
+
+
+def test_too_few_or_two_places_are_refused() -> None:
+    assert agreed([], 5) is None
+    assert agreed(answers(1, 1), 5) is None
+    elsewhere = answers(2, 3, RigidTransform.from_translation([30.0, 0, 0]) * TRUTH)
+    assert agreed([*answers(1, 3), *elsewhere], 8) is None
+
+
+def test_a_single_view_is_enough_where_there_is_no_other() -> None:
+    assert agreed(answers(1, 1), 1) is not None

@@ -1,18 +1,37 @@
 """The clouds of an export as LAZ: read by other programs' readers, places worked by hand."""
 
+import json
+import shutil
+import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
+import copclib
 import laspy
 import numpy as np
+import pye57
 import pytest
 import rasterio
 from pyproj import CRS
 
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.cell import cell_keys
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.motion.straighten import Way, straightened
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.products.export.clouds import write_laz
+from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
+from sonarmap.tools.files.map_folder.scans import mapped_scans
+from sonarmap.tools.files.readers.scans import read_survey
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.products.export.clouds import write_copc, write_laz
 from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.run import ExportSettings, export_map
+from sonarmap.tools.products.output.folder import SurveyRun, write_survey
+from tests.samples.clutter_scans import done, refused, scan, sonarmap
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 from tests.tools.products.export.finished import START, cloud_of, georeferenced, local_of, scattered, timed
 
 # At borders of zones: Norway's widened 32, 180 east, and the pole's
@@ -106,3 +125,167 @@ def test_several_surveys_and_many_scans(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.asarray(las["scan"]), many)
     np.testing.assert_array_equal(las.point_source_id, many % 65_536)
     assert (np.asarray(las["seen"]) == 65_535).all()
+
+
+HERE = Georeference(60.0, 9.0, -3.0)
+ORIGIN = ("--origin", "60,9,-3")
+COUNT = 4
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with scans, and in map/ their map."""
+    folder = tmp_path_factory.mktemp("survey")
+    for k in range(COUNT):
+        points = scan(k)
+        write_ply(folder / "scans" / f"scan_{k}.ply", points, {"intensity": np.linspace(0, k + 1, len(points))})
+    settings = ("--grid", "64", "--map-voxel", "0.25", "--no-report", *ORIGIN)
+    done(sonarmap("map", folder / "scans", "-o", folder / "map", *settings))
+    return folder
+
+
+def expected(survey: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Points and scans by hand: from the files and trajectory.tum's source, graph.json."""
+    poses = json.loads((survey / "map" / "graph.json").read_text())["poses"]
+    T = [np.array(pose["T_world_sensor"]) for pose in poses]
+    placed = [scan(k).astype(np.float64) @ T[k][:3, :3].T + T[k][:3, 3] for k in range(COUNT)]
+    return np.concatenate(placed), np.repeat(np.arange(COUNT), [len(each) for each in placed])
+
+
+def test_points_in_are_points_out_to_a_millimeter(survey: Path, tmp_path: Path) -> None:
+    formats = "laz,copc,e57,xyz"
+    done(sonarmap("export", survey / "map", "-o", tmp_path, "--format", formats, "--points", "all"))
+    points, scans = expected(survey)
+    las: Any = laspy.read(tmp_path / "points.laz")
+    np.testing.assert_allclose(local_of(las.xyz, 32632, HERE), points, rtol=0, atol=1e-3)
+    np.testing.assert_array_equal(las["scan"], scans)
+    np.testing.assert_array_equal(las.gps_time, scans)  # stamps that are no times stay
+    assert int(las.intensity.max()) == 65_535
+    with laspy.CopcReader.open(str(tmp_path / "points.copc.laz")) as reader:
+        copc = reader.query()
+    axes = ("X", "Y", "Z", "scan")
+    np.testing.assert_array_equal(np.sort(copc.array, order=axes), np.sort(las.points.array, order=axes))
+    with pye57.E57(str(tmp_path / "points.e57")) as e57:
+        read = [e57.read_scan(k, intensity=True, ignore_missing_fields=True) for k in range(e57.scan_count)]
+        assert e57.get_header(2)["name"].value() == "scan_2"
+        places = e57.get_header(1).translation
+    xyz = np.concatenate([np.column_stack([each[f"cartesian{axis}"] for axis in "XYZ"]) for each in read])
+    np.testing.assert_allclose(local_of(xyz, 32632, HERE), points, rtol=0, atol=1e-4)
+    assert np.concatenate([each["intensity"] for each in read]).max() == pytest.approx(COUNT)
+    T = read_map_folder(survey / "map").parts[0].trajectory.T_world_sensor.translation
+    np.testing.assert_allclose(local_of(places[None], 32632, HERE)[0], T[1], atol=1e-6)
+    head, *_ = (tmp_path / "points.xyz").read_text().splitlines()
+    assert head.removeprefix("//").split() == ["x", "y", "z", "stamp", "scan", "survey", "intensity"]
+    table = np.loadtxt(tmp_path / "points.xyz", comments="/")
+    np.testing.assert_allclose(local_of(table[:, :3], 32632, HERE), points, rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(table[:, 4], scans)
+    said = json.loads((tmp_path / "points.laz.json").read_text())
+    assert (said["points"], said["scans"]) == (len(points), COUNT)
+
+
+def same_as_fused(folder: Map, points: np.ndarray) -> bool:
+    """Whether in the voxel of every map point there are as many points as it says that it is from."""
+    origin = np.floor(np.median(points, axis=0) / folder.voxel) * folder.voxel
+    keys, count = np.unique(cell_keys(points, folder.voxel, origin)[0], return_counts=True)
+    of_map = cell_keys(folder.parts[0].points, folder.voxel, origin)[0]
+    at = np.minimum(np.searchsorted(keys, of_map), len(keys) - 1)
+    return bool(((keys[at] == of_map) & (count[at] == folder.parts[0].columns["count"])).all())
+
+
+def test_some_scans_in_the_frame_of_the_map(survey: Path, tmp_path: Path) -> None:
+    chosen = ("--scan-numbers", "1,3-3", "--crs", "map")
+    done(sonarmap("export", survey / "map", "-o", tmp_path, "--format", "xyz", *chosen))
+    table = np.loadtxt(tmp_path / "points.xyz", comments="/")
+    points, scans = expected(survey)
+    np.testing.assert_allclose(table[:, :3], points[np.isin(scans, [1, 3])], rtol=0, atol=1e-4)
+    assert set(table[:, 4]) == {1, 3}
+    refused(
+        sonarmap("export", survey / "map", "-o", tmp_path, "--format", "xyz", "--scan-numbers", "9"), "have no points"
+    )
+
+
+@pytest.mark.parametrize("change", ["gone", "longer", "fewer"])
+def test_scans_that_are_gone_or_changed_are_refused(survey: Path, tmp_path: Path, change: str) -> None:
+    shutil.copytree(survey / "scans", tmp_path / "scans")
+    folder = read_map_folder(survey / "map")
+    assert len(mapped_scans(folder, [str(tmp_path / "scans")])) == COUNT
+    first = tmp_path / "scans" / "scan_0.ply"
+    match change:
+        case "gone":
+            shutil.rmtree(tmp_path / "scans")
+        case "longer":
+            write_ply(first, np.concatenate([scan(0), scan(0)]))
+        case _:
+            first.unlink()
+    asked = ("--format", "laz", "--points", "all", "--scans-from", tmp_path / "scans")
+    refused(sonarmap("export", survey / "map", "-o", tmp_path / "gis", *asked), "--scans-from PATH")
+    assert not list(tmp_path.rglob("points*"))
+
+
+@pytest.mark.slow
+def test_straightened_scans_are_straightened_by_the_same_way(tmp_path: Path) -> None:
+    """What the map says of the way is enough for the same bytes."""
+    truth = ring_poses(8, radius=4.0)
+    for k, each in enumerate(scans_of(truth, reach=4.0)):
+        times = {"time": np.linspace(0, 0.6, len(each.points))}
+        write_ply(tmp_path / "scans" / f"scan{k}.ply", each.points, times)
+    read = read_survey([tmp_path / "scans"])
+    result = Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6)), 0.5).run([replace(s, times=None) for s in read.scans])
+    way = Way(result.trajectory, ((0, 1, 2, 3, 4, 5, 6, 7),), bent=True, turned=False)
+    straight = straightened(read.scans, way.trajectory, way.runs, 0.25, way.bent)
+    result = replace(result, straightened=tuple(straight.moved.tolist()), way=way)
+    run = SurveyRun([each.name for each in read.scans], {"inputs": [str(tmp_path / "scans")]})
+    with patch("sonarmap.tools.products.output.folder._draw_maps"):
+        write_survey(tmp_path / "map", result, run)
+    folder = replace(read_map_folder(tmp_path / "map"))
+    with patch("sonarmap.tools.files.map_folder.scans._require_same"):
+        again = mapped_scans(folder)
+        for ours, theirs in zip(again, straight.scans, strict=True):
+            np.testing.assert_array_equal(ours.points, theirs.points)
+        assert straight.moved.min() > 0.01
+        older = replace(folder, graph={**folder.graph, "straightened_by": None})
+        with pytest.raises(InputError, match="map again with this version"):
+            mapped_scans(older)
+
+
+def test_an_octree_of_several_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarse levels are spread over the map; laspy, copclib and LASzip read as many points as the LAZ has."""
+    monkeypatch.setattr("sonarmap.tools.products.export.clouds._CELLS", 8)
+    monkeypatch.setattr("sonarmap.tools.products.export.clouds._FEW", 50)
+    cloud = cloud_of(georeferenced(Georeference(60.0, 5.0), scattered(reach=30.0), points=6_000))
+    write_laz(tmp_path / "map.laz", cloud)
+    path = tmp_path / "map.copc.laz"
+    assert write_copc(path, cloud)["points"] == 6_000
+    las: Any = laspy.read(tmp_path / "map.laz")
+    axes = ("X", "Y", "Z", "gps_time")
+    for backend in (laspy.LazBackend.Lazrs, laspy.LazBackend.Laszip):
+        read = laspy.read(path, laz_backend=backend)
+        np.testing.assert_array_equal(np.sort(read.points.array, order=axes), np.sort(las.points.array, order=axes))
+    assert copclib.FileReader(str(path)).copc_config.las_header.point_count == 6_000
+    bounds = copclib.FileReader(str(path)).copc_config.las_header
+    every = laspy.read(path).xyz
+    for given, known in ((bounds.min, every.min(axis=0)), (bounds.max, every.max(axis=0))):
+        np.testing.assert_allclose([given.x, given.y, given.z], known, rtol=0, atol=1e-3)
+    assert len(copclib.FileReader(str(path)).GetAllPoints()) == 6_000
+    with laspy.CopcReader.open(str(path)) as reader:
+        counts = [len(reader.query(level=level)) for level in range(4)]
+        (low, high) = las.xyz.min(axis=0), (las.xyz.min(axis=0) + las.xyz.max(axis=0)) / 2
+        box = reader.query(laspy.copc.Bounds(low, high))
+        info = reader.copc_info
+    assert 8 < counts[0] < counts[1] < counts[2]
+    assert len(box) == ((las.xyz >= low) & (las.xyz <= high)).all(axis=1).sum()
+    assert (np.abs(las.xyz - info.center) <= info.halfsize + 1e-3).all()
+    assert (info.gps_min, info.gps_max) == (las.gps_time.min(), las.gps_time.max())
+
+
+def test_the_time_of_a_scan_in_e57_is_gps_time(survey: Path, tmp_path: Path) -> None:
+    folder = read_map_folder(survey / "map")
+    (part,) = folder.parts
+    stamps = 1_483_228_800.0 + np.arange(COUNT)  # GPS time 1167264018
+    part = replace(part, trajectory=replace(part.trajectory, stamps=stamps))
+    settings = ExportSettings(("e57",), "map", of_scans=True, scans_from=(str(survey / "scans"),))
+    export_map(replace(folder, parts=(part,)), tmp_path, settings)
+    with pye57.E57(str(tmp_path / "points.e57")) as e57:
+        start = e57.get_header(1)["acquisitionStart"]["dateTimeValue"].value()
+    assert start == 1_167_264_018 + 1
+    assert time.gmtime(stamps[0])[:3] == (2017, 1, 1)

@@ -20,7 +20,6 @@ from tests.tools.products.export.finished import COUNT, START, STEP, finished_ma
 
 HERE = Georeference(60.0, 9.0)
 FILES = ("map.ply", "graph.json", "summary.json")
-SETTINGS = ExportSettings(("laz", "kmz"))
 
 
 @pytest.fixture(scope="module")
@@ -129,39 +128,3 @@ def test_coordinates_beyond_any_use_are_refused(whole: Path, tmp_path: Path) -> 
     write_ply(folder / "map.ply", part.points, dict(part.columns))
     with pytest.raises(InputError, match="beyond 1e\\+09 m"):
         read_map_folder(folder)
-
-
-@pytest.mark.parametrize(
-    ("seeds", "least"), [(range(60), 20), pytest.param(range(1000, 1600), 180, marks=pytest.mark.slow)]
-)
-def test_damage_is_refused_or_without_effect(whole: Path, tmp_path: Path, seeds: range, least: int) -> None:
-    """Bytes of one file are changed, pieces cut, doubled or exchanged."""
-    folder, refused = tmp_path, 0
-    shutil.copytree(whole, folder / "map")
-    contents = {name: (whole / name).read_bytes() for name in FILES}
-    for seed in seeds:
-        rng = np.random.default_rng(seed)
-        name = FILES[seed % len(FILES)]
-        content = bytearray(contents[name])
-        # half of the damage where the header is, or the first rows
-        reach = len(content) if seed % 2 else min(len(content), 600)
-        first, last = sorted(rng.integers(0, reach, 2).tolist())
-        match seed % 5:
-            case 0:
-                del content[first : min(last, first + 40)]
-            case 1:
-                del content[last:]
-            case 2:
-                content[first:first] = content[first : min(last, first + 200)]
-            case 3:
-                content[first] = int(rng.integers(32, 127))
-            case _:
-                for place in rng.integers(0, reach, 4).tolist():
-                    content[place] = int(rng.integers(0, 256))
-        (folder / "map" / name).write_bytes(content)
-        try:
-            export_map(read_map_folder(folder / "map"), folder / "gis", SETTINGS)
-        except InputError:
-            refused += 1
-        (folder / "map" / name).write_bytes(contents[name])
-    assert refused > least

@@ -5,7 +5,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import laspy
 import pytest
 from pyproj import CRS
 
@@ -151,16 +150,6 @@ def test_all_files_or_none(one: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     with pytest.raises(type(fault)):
         export_map(placed(one, replace(HERE, longitude=9.0)), tmp_path, ExportSettings(("laz", "geotiff")))
     assert contents(tmp_path) == before
-
-
-def test_stopped_while_a_file_is_half_written(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def half(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(laspy.LasWriter, "write_points", half)
-    with pytest.raises(KeyboardInterrupt):
-        export_map(read_map_folder(one), tmp_path, LAZ)
-    assert not list(tmp_path.iterdir())
 
 
 def test_in_the_map_s_own_folder_they_are_listed_and_a_later_map_removes_them(tmp_path: Path) -> None:

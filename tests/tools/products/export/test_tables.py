@@ -1,10 +1,14 @@
 """Tables of an export: the graph, EIVA's poses, times, and poses.csv by PROJ's other ways and signs by hand."""
 
+import json
 import re
+import sqlite3
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,8 +24,11 @@ from sonarmap.tools.files.writers.poses import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track import (
     COLUMNS,
+    cut_at_180,
     write_eiva_attitude,
     write_eiva_position,
+    write_geojson,
+    write_geopackage,
     write_graph,
     write_poses_csv,
 )
@@ -110,20 +117,6 @@ def test_signs_are_those_of_displays(tmp_path: Path) -> None:
     assert 27.39 < grid[0] < 27.41  # 30 - 2.597 - 0.001
 
 
-@pytest.mark.parametrize("place", ["70 south"])
-def test_the_grid_heading_is_where_the_bow_points_in_the_grid(tmp_path: Path, place: str) -> None:
-    earth = dive(place)
-    bow = earth.part.trajectory.T_world_sensor.rotation.apply([20.0, 0, 0]) * [1, 1, 0]
-    track = earth.part.trajectory
-    moved = RigidTransform.from_components(track.T_world_sensor.translation + bow, track.T_world_sensor.rotation)
-    ahead = with_part(earth, replace(earth.part, trajectory=Trajectory(track.stamps, moved)))
-    epsg = PLACES[place][1]
-    east, north = (projected_by_hand(geodetic_by_hand(at), epsg) for at in (earth, ahead))
-    way = north - east
-    headings = np.degrees(np.arctan2(way[:, 0], way[:, 1])) % 360
-    np.testing.assert_allclose(floats(rows_of(tmp_path, earth), "heading_grid_deg")[:, 0], headings, atol=2e-4)
-
-
 def test_times(tmp_path: Path) -> None:
     stamps = np.array([1.7e9, 1.7e9 + 0.1234567, 1_582_934_399.9994, 1.75e9, 1.75e9 + 0.001, 2e9])
     rows = rows_of(tmp_path, dive(stamps=stamps))
@@ -160,16 +153,6 @@ def test_errors_are_those_of_poses_drawn_from_the_covariance(tmp_path: Path) -> 
     np.testing.assert_allclose(floats([row], *upper)[0] / scale, expected[np.triu_indices(6)] / scale, atol=0.02)
 
 
-def test_straight_down_has_open_angles_and_a_right_attitude(tmp_path: Path) -> None:
-    R = Rotation.from_euler("ZYX", [[40, 90, 0], [40, 89.999, 0]], degrees=True)
-    for row in rows_of(tmp_path, georeferenced(Georeference(40.0, 5.0), RigidTransform.from_rotation(R))):
-        roll, pitch, heading = floats([row], "roll_deg", "pitch_deg", "heading_deg")[0]
-        assert pitch == pytest.approx(-90, abs=0.0011)
-        back = Rotation.from_euler("ZYX", [90 - heading, -pitch, roll], degrees=True)
-        assert (back.inv() * R[0]).magnitude() < 2e-5
-        assert floats([row], "roll_sigma_deg", "heading_sigma_deg").max() == 180
-
-
 def test_names_may_hold_anything_and_what_is_not_known_is_empty(tmp_path: Path) -> None:
     earth = dive()
     names = ("a,b", 'said "c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA};", "lone\udce9", "=1+1")
@@ -196,3 +179,124 @@ def test_north_is_0_and_not_360(tmp_path: Path) -> None:
     R = Rotation.from_euler("ZYX", [[90 + 1e-9, 0, 0], [90 - 1e-9, 0, 0]], degrees=True)
     rows = rows_of(tmp_path, georeferenced(Georeference(0.0, 3.0), RigidTransform.from_rotation(R)))
     assert {row[name] for row in rows for name in ("heading_deg", "heading_grid_deg")} == {"0.000000"}
+
+
+def features_in(path: Path, earth: Georeferenced) -> dict[str, list[dict[str, Any]]]:
+    write_geojson(path / "track.geojson", earth)
+    content = json.loads((path / "track.geojson").read_text("utf-8"))
+    assert content["type"] == "FeatureCollection"
+    layers: dict[str, list[dict[str, Any]]] = {"track": [], "scans": [], "loops": []}
+    for feature in content["features"]:
+        layers[feature["properties"]["layer"]].append(feature)
+    return layers
+
+
+def test_track_and_loops(tmp_path: Path) -> None:
+    layers = features_in(tmp_path, dive())
+    (track,) = layers["track"]
+    points = [scan["geometry"]["coordinates"] for scan in layers["scans"]]
+    assert track["geometry"] == {"type": "LineString", "coordinates": points}
+    assert track["properties"]["last_utc"] == "2023-11-14T22:13:32.500000Z"
+    kept, refused = layers["loops"]
+    assert kept["geometry"]["coordinates"] == [points[0], points[5]]
+    assert kept["properties"]["kept"] is True
+    assert refused["geometry"]["coordinates"] == [points[1], points[4]]
+    expected = {"target": "scan_1", "source": "scan_4", "kept": False, "reason": "contradicts"}
+    assert refused["properties"] == expected | {"layer": "loops"}
+
+
+def test_lines_are_cut_at_180(tmp_path: Path) -> None:
+    layers = features_in(tmp_path, dive("180 east"))
+    for feature, count in ((layers["track"][0], 8), (layers["loops"][0], 4)):
+        assert feature["geometry"]["type"] == "MultiLineString"
+        west, east = feature["geometry"]["coordinates"]
+        assert len(west) + len(east) == count
+        assert (west[-1][0], east[0][0], west[-1][1:]) == (180, -180, east[0][1:])
+        assert max(x for x, _, _ in east) < 0 < min(x for x, _, _ in west)
+
+
+def test_a_cut_lies_where_the_line_crosses() -> None:
+    """A third of the way: by hand."""
+    west, east = cut_at_180(np.array([[-179.9, 10.0, 3.0], [179.8, 13.0, 6.0]]))
+    np.testing.assert_allclose(west, [[-179.9, 10, 3], [-180, 11, 4]])
+    np.testing.assert_allclose(east, [[180, 11, 4], [179.8, 13, 6]])
+    two = cut_at_180(np.array([[180.0, 1.0, 0.0], [-180.0, 2.0, 0.0], [-179.0, 3.0, 0.0]]))
+    assert all(np.isfinite(piece).all() for piece in two)
+
+
+def test_each_survey_has_its_track(tmp_path: Path) -> None:
+    earth = dive()
+    surveys = {"scans": [{"survey": number} for number in (0, 0, 0, 1, 1, 2)]}
+    layers = features_in(tmp_path, with_part(earth, earth.part, summary=surveys))
+    assert [track["properties"]["scan_count"] for track in layers["track"]] == [3, 2]  # a single scan is no line
+    for wrong in ([{}] * 6, [{"survey": 0}], [{"survey": "x"}] * 6):
+        with pytest.raises(InputError, match="which survey each scan"):
+            features_in(tmp_path, with_part(earth, earth.part, summary={"scans": wrong}))
+
+
+def written(path: Path, earth: Georeferenced) -> Path:
+    write_geopackage(path / "track.gpkg", earth)
+    assert [file.name for file in path.iterdir()] == ["track.gpkg"]
+    return path / "track.gpkg"
+
+
+def read(path: Path, layer: str) -> tuple[list[np.ndarray], dict[str, np.ndarray]]:
+    """Places and attributes of a layer."""
+    from pyogrio.raw import read
+
+    meta, _, geometry, columns = read(path, layer=layer, datetime_as_string=True)
+    # pyrefly: ignore[not-iterable]
+    return [places(wkb) for wkb in geometry], dict(zip(meta["fields"], columns, strict=True))
+
+
+def places(wkb: bytes) -> np.ndarray:
+    """(n, 3) of ISO or EWKB points and lines."""
+    order, kind = struct.unpack_from("<BI", wkb)
+    assert order == 1
+    start = 5 if kind in (1001, 0x80000001) else 9
+    return np.frombuffer(wkb[start:], "<f8").reshape(-1, 3)
+
+
+def test_track_and_loops_in_a_geopackage(tmp_path: Path) -> None:
+    path = written(tmp_path, dive())
+    points = np.vstack(read(path, "scans")[0])
+    (track,), says = read(path, "track")
+    np.testing.assert_array_equal(track, points)
+    assert says["scan_count"][0] == 6
+    (kept, refused), says = read(path, "loops")
+    np.testing.assert_array_equal(kept, points[[0, 5]])
+    np.testing.assert_array_equal(refused, points[[1, 4]])
+    assert says["kept"].tolist() == [True, False]
+    assert says["reason"].tolist() == ["ok", "contradicts"]
+    assert says["source"].tolist() == ["scan_5", "scan_4"]
+
+
+def test_loops_to_other_parts_are_left_out_and_counters_are_null(tmp_path: Path) -> None:
+    earth = dive(stamps=np.arange(6.0))
+    trajectory = earth.part.trajectory.take(range(5))
+    part = replace(earth.part, scans=tuple(range(5)), trajectory=trajectory, covariances=earth.part.covariances[:5])
+    layers = features_in(tmp_path, with_part(earth, part))
+    assert [loop["properties"]["reason"] for loop in layers["loops"]] == ["contradicts"]
+    says = layers["scans"][3]["properties"]
+    assert (says["utc"], says["unix_s"], layers["track"][0]["properties"]["first_utc"]) == (None, None, None)
+
+
+def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "track.gpkg").mkdir()
+    with pytest.raises(InputError, match="a folder of that name"):
+        write_geopackage(tmp_path / "track.gpkg", dive())
+
+
+def test_it_is_a_geopackage_by_its_own_words(tmp_path: Path) -> None:
+    """OGC 12-128r14: requirements 2 (application id), 13 (contents), 22 (geometry columns); times of a DATETIME."""
+    with sqlite3.connect(written(tmp_path, dive())) as base:
+        assert base.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
+        assert base.execute("PRAGMA user_version").fetchone() == (10200,)
+        assert base.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        contents = set(base.execute("SELECT table_name, data_type, srs_id FROM gpkg_contents"))
+        assert contents == {(layer, "features", 32632) for layer in ("track", "scans", "loops")}
+        kinds = set(base.execute("SELECT table_name, geometry_type_name, z FROM gpkg_geometry_columns"))
+        assert kinds == {("track", "LINESTRING", 1), ("scans", "POINT", 1), ("loops", "LINESTRING", 1)}
+        times = [row[0] for row in base.execute("SELECT utc FROM scans")]
+        assert times[:2] == ["2023-11-14T22:13:20.000Z", "2023-11-14T22:13:22.500Z"]
+    base.close()

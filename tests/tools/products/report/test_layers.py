@@ -148,14 +148,6 @@ def test_a_surface_takes_few_bytes_and_always_the_same() -> None:
     assert (data, layout) == pack(points.copy(), {}, VOXEL)
 
 
-@pytest.mark.parametrize("count", [0, 1])
-def test_few_points(count: int) -> None:
-    points = np.array([[1.5, -2.5, 7.25]])[:count]
-    back, columns = unpack(*pack(points, {"scan": np.full(count, 3)}, VOXEL))
-    np.testing.assert_allclose(back, points)
-    assert columns["scan"].tolist() == [3] * count
-
-
 def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
     folder = doubted(tmp_path / "out", 100)
     with patch("sonarmap.tools.products.report.points.MOST_DOUBTFUL", 30):
@@ -165,15 +157,6 @@ def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
     assert (shown["all"], shown["count"]) == (100, 25)
     points, columns = unpack(data, shown["packed"])
     assert (len(points), set(columns)) == (25, {"seen", "looked", "scan"})
-
-
-@pytest.mark.parametrize("reach", [1e-4, 5.0, 4_000.0])
-def test_points_of_any_extent(reach: float) -> None:
-    points = np.random.default_rng(9).uniform(-reach, reach, (400, 3)) * [1.0, 0.3, 0.02]
-    back, _ = unpack(*pack(points, {}, VOXEL))
-    off, which = KDTree(points).query(back)
-    assert np.abs(back - points[which]).max() <= FINE / 2 + 1e-9
-    assert off.max() <= FINE
 
 
 @pytest.mark.slow

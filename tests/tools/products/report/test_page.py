@@ -162,16 +162,6 @@ def test_texts_from_files_are_never_markup(tmp_path: Path) -> None:
         assert "</script><script>" in page.page.locator("#settings").inner_text()
 
 
-def test_a_script_that_is_not_the_pages_own_does_not_run(content: Content, tmp_path: Path) -> None:
-    """Even one that got in."""
-    text = report_text(content).replace("<header>", "<script>window.hurt = 1</script><header>")
-    (tmp_path / "injected.html").write_text(text, encoding="utf-8")
-    path = tmp_path / "injected.html"
-    with opened(path, silent=False) as injected:
-        assert injected.page.evaluate("window.hurt") is None
-        assert any("Content Security Policy" in said for said in injected.said)
-
-
 @pytest.mark.slow
 def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
     folder = read_map_folder(finished_map(tmp_path / "out", split=True))
