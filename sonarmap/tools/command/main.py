@@ -182,11 +182,8 @@ app = typer.Typer(
 
 
 def run() -> None:
-    """The entry point.
-
-    Exit codes: 0 done, 1 a defect of the program, 2 something that the user can fix, 3 a result that is incomplete or
-    not to be trusted, 130 interrupted, 141 nobody reads the output any more.
-    """
+    """The entry point. Exit codes: 0 done, 1 a defect of the program, 2 something that the user can fix, 3 a result
+    that is incomplete or not to be trusted, 130 interrupted, 141 nobody reads the output any more."""
     _open_missing_streams()
     show_messages()
     try:

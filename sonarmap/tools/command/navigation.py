@@ -208,7 +208,6 @@ def scans_with_priors(
     files: "Sequence[Path]" = (),
 ) -> "Navigated":
     """The scans with the priors of the file; without a file as they are, with their recording's attitude if `use_imu`.
-
     Notes say which of both counts, and that some scans have no prior. The file may have rows for other scans if
     `allow_unknown`. A recording with an IMU among the scans' `files` says how far the navigation's clock is off."""
     from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate

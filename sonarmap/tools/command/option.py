@@ -38,12 +38,10 @@ def _named(text: str) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A panel of the help, and the options in it.
-
-    `words` are an option's help, `names` those on the command line, where they are not the parameter's; `rare` options
-    are listed by --help-all alone. `more` are of typer.Option, as min, max, `callback`, which returns the value or
-    raises typer.BadParameter, and `autocompletion`, as `completes` makes it.
-    """
+    """A panel of the help, and the options in it. `words` are an option's help, `names` those on the command line,
+    where they are not the parameter's; `rare` options are listed by --help-all alone. `more` are of typer.Option, as
+    min, max, `callback`, which returns the value or raises typer.BadParameter, and `autocompletion`, as `completes`
+    makes it."""
 
     title: str
 

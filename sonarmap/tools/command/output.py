@@ -57,14 +57,8 @@ class MapOutput:
     def export_settings(
         self, crs: str | None, georeference: "Georeference | None", stamps: "Sequence[float]", later: bool = False
     ) -> "ExportSettings":
-        """What --export and --crs ask for, refused now where it could not be done when the map is there.
-
-        Args:
-            crs: of --crs.
-            georeference: where the map lies, if that is known.
-            stamps: of the scans; none where they are not read yet.
-            later: whether the navigation, which is not read yet, may tell where the map lies.
-        """
+        """What --export and --crs ask for, refused now where it could not be done when the map is there;
+        `later`: the navigation, which is not read yet, may tell where the map lies."""
         from sonarmap.tools.products.export.run import ExportSettings, check_files, check_settings
 
         formats = self.export
@@ -114,9 +108,8 @@ class EarthPlace:
     )
 
     def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
-        """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it.
-
-        None without an origin."""
+        """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it. None
+        without an origin."""
         from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, EAST, Georeference
 
         if self.origin is None and known is None:

@@ -216,10 +216,8 @@ class ExecutionOptions:
 def open_execution(
     method: ConfiguredMethod, prepared: int, options: ExecutionOptions, journal: Path, quiet: bool
 ) -> Iterator["Execution"]:
-    """Workers, where the options have them, and a journal, for as long as the block lasts.
-
-    A worker keeps as many scans prepared as `prepared` says. If not `quiet`, it is said how many pairs the journal
-    held."""
+    """Workers, where the options have them, and a journal, for as long as the block lasts. A worker keeps as many scans
+    prepared as `prepared` says. If not `quiet`, it is said how many pairs the journal held."""
     from sonarmap.slam.execute.journal import Journal
     from sonarmap.slam.execute.runner import Execution
     from sonarmap.tools.methods.fingerprint import method_key

@@ -111,11 +111,9 @@ def quietly(quiet: bool, results: bool) -> Iterator[None]:
 
 
 def say(message: str, label: str = "", style: str = "") -> None:
-    """Print a plain message on stderr, wrapped on a terminal and on one line elsewhere.
-
-    Brackets are not markup, control characters are shown escaped, and what is too long for anybody to read is left out
-    of its middle. The label, as "error: ", is printed before it in rich's `style`.
-    """
+    """Print a plain message on stderr, wrapped on a terminal and on one line elsewhere. Brackets are not markup,
+    control characters are shown escaped, and what is too long for anybody to read is left out of its middle. The label,
+    as "error: ", is printed before it in rich's `style`."""
     message = printable(shortened(message))
     if any(_quiet[-1:]) and not label:
         return
@@ -185,10 +183,7 @@ def stage(label: str, quiet: bool = False) -> Iterator[None]:
 @contextmanager
 def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
     """Follow work whose total changes while it is done, named as in "mapping"; if `quiet` (--quiet, --json) print
-    nothing.
-
-    Yields a function to call as step(pieces done, pieces planned so far, words about the last one).
-    """
+    nothing. Yields a function to call as step(pieces done, pieces planned so far, words about the last one)."""
     console = error_console()
     on_terminal = console.is_terminal and not quiet
     bar, lines = _Bar(console, printable(label), on_terminal), None if quiet or on_terminal else _Lines(label)
@@ -287,10 +282,8 @@ Show = Callable[[Sequence[str], Sequence[str], str], None]
 @contextmanager
 def status_line(quiet: bool) -> Iterator[Show]:
     """A function that shows lines, and says warnings above them. In a file the lines come every ten seconds, and
-    whenever its last argument changes, which is what they are of in a word. "lost" is shown in red.
-
-    A terminal that has gone before, or goes within the block, raises nothing at its end.
-    """
+    whenever its last argument changes, which is what they are of in a word. "lost" is shown in red. A terminal that has
+    gone before, or goes within the block, raises nothing at its end."""
     console, shown_at, shown = error_console(), -math.inf, ""
 
     def show(lines: Sequence[str], warnings: Sequence[str], status: str) -> None:

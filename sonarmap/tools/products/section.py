@@ -261,14 +261,8 @@ def check_names(out: Path, folder: Path) -> None:
 def write_section(
     out: Path, section: Section, profile: Profile, titles: Titles, world: Coordinates | None
 ) -> Sequence[Path]:
-    """Write NAME.csv with the points, NAME_profile.csv and, where `out` ends in .png, the picture; all or none.
-
-    Args:
-        world: for easting and northing of every row; None where the map's place on the Earth is not known.
-
-    Returns:
-        The files.
-    """
+    """Write NAME.csv with the points, NAME_profile.csv and, where `out` ends in .png, the picture; all or none. `world`
+    is for easting and northing of every row. Returns the files."""
     tables = out.with_suffix(".csv"), out.with_name(f"{out.stem}_profile.csv")
     points = [section.distance, section.height, section.sigma, *section.place.T]
     numbers = [section.scan, section.seen, section.offset]

@@ -196,7 +196,7 @@ class TestExitCodes:
         assert exit_code_of(raiser(ZeroDivisionError("by\nzero"))) == 1
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith("error: this is a defect of sonarmap")
-        assert "ZeroDivisionError: by zero (test_cli.py, line" in line
+        assert "ZeroDivisionError: by zero (test_options.py, line" in line
         assert "SONARMAP_DEBUG=1" in line
 
     @pytest.mark.parametrize("error", [ZeroDivisionError("by zero"), InputError("empty")])

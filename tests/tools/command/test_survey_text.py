@@ -276,13 +276,6 @@ def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_message_while_a_bar_is_shown_stands_above_it() -> None:
-    program = COUNTING.replace("        time", "        if k == 5: say('a message')\n        time")
-    shown = on_screen("from sonarmap.tools.command.terminal import say\n" + program)
-    assert [line.split()[0] for line in shown.lines] == ["a", "mapping"]
-
-
-@pytest.mark.slow
 def test_a_table_of_pairs_keeps_its_numbers(scans: Path) -> None:
     for columns in (60, 80):
         command = ("map", "scans", "-o", "out", *GRID, "--verbose")
@@ -292,12 +285,3 @@ def test_a_table_of_pairs_keeps_its_numbers(scans: Path) -> None:
         assert ("distance" in shown.lines[head]) == (columns == 80)
         assert shown.lines[head + 1].startswith("a - b")
         assert "…" not in "".join(shown.lines[head : head + 5])
-
-
-@pytest.mark.slow
-def test_what_is_wrong_with_files_is_told_once(scans: Path) -> None:
-    shown = on_screen(SONARMAP, "map", "scans", "scans/a.ply", "-o", "out", *GRID, folder=scans, rows=60)
-    words = " ".join(line.strip() for line in shown.lines)
-    assert words.count("e.ply") == 1
-    assert "given more than once, and used once: scans/a.ply" in words
-    assert "the same points twice: b_copy of b; leave the copies out" in words

@@ -29,21 +29,13 @@ class KilledError(Exception):
 
 @dataclass(slots=True)
 class Dive:
-    """What goes on.
-
-    Attributes:
-        settings: of the mapping.
-        page: where it is shown.
-        tell: called with what to say on the terminal: the state, and what is new and wrong.
-        is_recorded: whether a recording goes on beside, so that nothing but the user ends the dive.
-        said: what those at work beside have to say; taken from there when it is shown.
-    """
+    """What goes on."""
 
     settings: MappingSettings
     page: LivePage
-    tell: Callable[[State, list[str]], None]
-    is_recorded: bool
-    said: Sequence[deque[str]] = ()
+    tell: Callable[[State, list[str]], None]  # called with the state, and what is new and wrong, for the terminal
+    is_recorded: bool  # whether a recording goes on beside, so that nothing but the user ends the dive
+    said: Sequence[deque[str]] = ()  # what those at work beside have to say; taken from there when it is shown
     _state: State = field(default_factory=State)
     _alerts: list[str] = field(default_factory=list[str])
     _of_mapping: set[str] = field(default_factory=set[str])  # alerts, which it repeats
@@ -78,12 +70,7 @@ class Dive:
                 return
 
     def _map_until(self, stop: Event) -> bool:
-        """Map in a process of its own; whether all that came is mapped, or else `stop` is set.
-
-        Raises:
-            KilledError: the process has gone.
-            Exception: what ended it.
-        """
+        """Map in a process of its own; whether all that came is mapped, or else `stop` is set. Raises what ended it."""
         context = get_context("spawn")
         pipe, other = context.Pipe()
         process = context.Process(target=_map, args=(self.settings, other), daemon=True)

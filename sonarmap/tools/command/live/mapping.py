@@ -62,11 +62,8 @@ class MappingSettings:
 
 
 def run_mapping(settings: MappingSettings, pipe: Connection) -> None:
-    """Map until the input has ended, or nobody reads the pipe any more; what is to be shown goes through it.
-
-    Sends states and messages of `tools.products.live`, and at the end None, when all that came is placed, or what
-    ended it.
-    """
+    """Map until the input has ended, or nobody reads the pipe any more. Sends states and messages of
+    `tools.products.live`, and at the end None, when all that came is placed, or what ended it."""
     signal(SIGINT, SIG_IGN)  # it is for who shows
     try:
         _Mapping(settings, pipe).run()
@@ -337,21 +334,12 @@ _MOST = 256  # scans in memory; the others wait in their file
 
 
 class Backlog:
-    """Takes scans from where they come, by a thread of its own, and holds those that wait.
-
-    Args:
-        scans: as they come.
-
-    Attributes:
-        error: why no more scans come; None while they may.
-        missing: shots that did not come, by their numbers.
-        ended: whether all have come.
-    """
+    """Takes scans from where they come, by a thread of its own, and holds those that wait."""
 
     def __init__(self, scans: Iterable[Incoming]) -> None:
-        self.error: InputError | None = None
-        self.missing = 0
-        self.ended = False
+        self.error: InputError | None = None  # why no more scans come
+        self.missing = 0  # shots that did not come, by their numbers
+        self.ended = False  # whether all have come
         self._waiting: deque[Incoming] = deque()
         self._changed = Condition()
         Thread(target=self._run, args=(scans,), name="incoming", daemon=True).start()

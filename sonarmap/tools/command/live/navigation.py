@@ -87,18 +87,11 @@ _ADDRESS = re.compile(r"(?:\[?([^/\\]*?)\]?:)?(\d+)")  # HOST:PORT, or PORT
 
 class NavigationLog:
     """Sentences that come are added to a file of the map's folder, as long as it is open as a context. A device that
-    was unplugged is opened again, and what a full disk does not take waits in memory.
-
-    Args:
-        source: a UDP port of this computer alone, as 10110, one of an address that others reach too, as 0.0.0.0:10110,
-            or a serial device, as /dev/ttyUSB0 or COM3@38400 (4800 baud without a number).
-        out: the map's folder.
-
-    Attributes:
-        said: what there is to say, a line each, for who shows it."""
+    was unplugged is opened again, and what a full disk does not take waits in memory. The source is a UDP port, as
+    10110 or 0.0.0.0:10110, or a serial device, as /dev/ttyUSB0 or COM3@38400 (4800 baud without a number)."""
 
     def __init__(self, source: str, out: Path) -> None:
-        self.said = deque[str](maxlen=_MOST_SAID)
+        self.said = deque[str](maxlen=_MOST_SAID)  # what there is to say, a line each
         self._source, self._path = source, out / NAME
         self._waiting = b""
         self._faults = dict[str, str]()  # what is wrong now, by what it is of

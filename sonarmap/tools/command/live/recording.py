@@ -24,19 +24,11 @@ _PATIENCE = 10.0  # until it has ended [s]
 
 class RecordingProcess:
     """`sonarmap record` beside this process, into OUT/recording/001.sonar, 002.sonar and so on; one that an earlier run
-    has left at work is taken over.
-
-    Args:
-        out: the map's folder.
-        options: of `sonarmap record`, which say where packets come in.
-
-    Attributes:
-        said: what there is to say, a line each, for who shows it.
-    """
+    has left at work is taken over. The options, of `sonarmap record`, say where packets come in."""
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
         self._folder, self._options = (out / FOLDER).resolve(), list(options)
-        self.said = deque[str](maxlen=_MOST_SAID)
+        self.said = deque[str](maxlen=_MOST_SAID)  # what there is to say, a line each
         self._again = Again()
         self._due: float | None = None  # when it begins again; None while it is at work
         self._process: subprocess.Popen[bytes] | None = None
@@ -142,13 +134,9 @@ _LONGEST = 30.0  # pause [s]
 
 @dataclass(slots=True)
 class Again:
-    """Pauses of 0, 1, 3, 7, 15 and 30 s before something begins again.
+    """Pauses of 0, 1, 3, 7, 15 and 30 s before something begins again."""
 
-    Attributes:
-        failures: in a row.
-    """
-
-    failures: int = 0
+    failures: int = 0  # in a row
     _begun: float = field(default_factory=time.monotonic)
 
     def begins(self) -> None:

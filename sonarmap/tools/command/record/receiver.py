@@ -32,15 +32,10 @@ class Datagram:
 
 
 class Receiver:
-    """Receives from when it is entered until it is left, and then gives what still waits in the system's buffer.
-
-    Attributes:
-        unsaved: datagrams that were left out as too many waited for the disk.
-        overflow: datagrams that the system left out as its buffer was full, as far as it says so.
-    """
+    """Receives from when it is entered until it is left, and then gives what still waits in the system's buffer."""
 
     def __init__(self, listening: socket.socket) -> None:
-        self.unsaved = self.overflow = 0
+        self.unsaved = self.overflow = 0  # datagrams left out as too many waited, or as the system's buffer was full
         self._socket = listening
         self._waiting: queue.Queue[Datagram] = queue.Queue(MOST_WAITING)
         self._ends = threading.Event()
@@ -172,9 +167,8 @@ class Source:
 
 
 def source_of(multicast: str | None, unicast: str | None, interface: str | None) -> Source:
-    """The source that options ask for; the sonar's default group if they are None.
-
-    GROUP:PORT of a group that is joined at the interface, or ADDRESS:PORT of this computer."""
+    """The source that options ask for; the sonar's default group if they are None. GROUP:PORT of a group that is joined
+    at the interface, or ADDRESS:PORT of this computer."""
     if unicast is None:
         return Source(*_endpoint(GROUP if multicast is None else multicast, "--multicast", GROUP), interface)
     if multicast is not None or interface is not None:
@@ -241,10 +235,8 @@ def _advice(source: Source, error: OSError) -> str:
 
 
 def join(listening: socket.socket, source: Source) -> bool:
-    """Join the source's group where it is not joined yet; whether it is joined anywhere then.
-
-    Called again it joins on interfaces that came, or came back, since.
-    """
+    """Join the source's group where it is not joined yet; whether it is joined anywhere then. Called again it
+    joins on interfaces that came, or came back, since."""
     return sum(_is_joined_at(listening, source.address, place) for place in _places(source.interface)) > 0
 
 

@@ -61,11 +61,8 @@ class Numbered:
 
 @dataclass(slots=True)
 class ClockOffset:
-    """By how much the sonar's clock is ahead of this computer's [s].
-
-    A stamp is of the shot, and the packet arrives later: of the packets of ten seconds the one that took the least time
-    counts, and what it took still makes the sonar's clock seem behind.
-    """
+    """By how much the sonar's clock is ahead of this computer's [s]. A stamp is of the shot, and the packet arrives
+    later: of ten seconds the packet that took the least time counts."""
 
     first: float | None = None  # in the first ten seconds; None until a stamp has come
     latest: float | None = None  # in the latest ten whole seconds
@@ -144,12 +141,7 @@ def _kind_of(image: Message) -> str:
 
 
 class PartFile:
-    """NAME.part.sonar beside NAME.sonar. What an earlier recording left under such a name stays: this takes another.
-
-    Attributes:
-        path: of the part.
-        size: bytes of the packets in it.
-    """
+    """NAME.part.sonar beside NAME.sonar. What an earlier recording left under such a name stays: this takes another."""
 
     def __init__(self, out: Path, overwrite: bool) -> None:
         """Make an empty file, which will be called `out`; in place of a file of that name only to `overwrite` it."""

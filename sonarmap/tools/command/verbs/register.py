@@ -96,7 +96,6 @@ def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) 
 
 def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> None:
     """Write a scan in the frame of another [m], its strengths as `intensity` and its viewpoints as vp_x, vp_y and vp_z.
-
     p_target = T p_source."""
     from sonarmap.tools.files.writers.points import write_ply
 
@@ -167,10 +166,8 @@ def print_registration(registration: "Registration", method: ConfiguredMethod) -
 
 
 def transform_words(T_target_source: "RigidTransform") -> str:
-    """Where the source's sensor was, seen from the target's: "3.212 m forward and 0.021 m down" and so on.
-
-    p_target = T p_source [m], both frames x forward, y left, z up.
-    """
+    """Where the source's sensor was, seen from the target's: "3.212 m forward and 0.021 m down" and so on. p_target = T
+    p_source [m], both frames x forward, y left, z up."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # where it looks straight up or down, yaw and roll are one turn
         turns = T_target_source.rotation.as_euler("ZYX", degrees=True)

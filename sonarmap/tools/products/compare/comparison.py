@@ -69,11 +69,8 @@ def located_views(
 
 
 def agreed(answers: list[tuple[RigidTransform, np.ndarray]], tried: int) -> Alignment | None:
-    """The transform on which most answers agree; None where too few do.
-
-    Its covariance is that of a single answer of those that agree, about the median one: what keeps answers apart, the
-    poses of both maps, they partly share, so that it does not average out.
-    """
+    """The transform on which most answers agree; None where too few do. Its covariance is that of a single one of
+    these: what keeps them apart, the poses of both maps, they partly share, so that it does not average out."""
     if not answers:
         return None
     T = RigidTransform.concatenate([each for each, _ in answers])

@@ -86,15 +86,10 @@ class Distances:
 def distances_between(
     old: Epoch, new: Epoch, alignment: np.ndarray | None, voxel: float, reach: float, bound: float
 ) -> Distances:
-    """From the old survey's surface to the new one's, both in the old one's frame.
-
-    Args:
-        alignment: (6, 6) covariance of the new frame in the old one [rad, m], left tangent; None for two surveys of one
-            map, which share its frame and its poses' errors.
-        voxel: that decides about radii and spacings [m].
-        reach: how far along the normal the new surface is sought [m].
-        bound: largest level of detection with which a place is called unchanged [m].
-    """
+    """From the old survey's surface to the new one's, sought up to `reach` [m] along the normal, both in the old one's
+    frame. The alignment is the (6, 6) covariance of the new frame in the old one [rad, m], left tangent; None for two
+    surveys of one map. The voxel decides about radii [m]; up to the level of detection `bound` [m] a place may be
+    unchanged."""
     cores = cores_of(old, voxel)
     before, after = layer_of(old, cores, voxel, 0.0), layer_of(new, cores, voxel, reach)
     both = np.flatnonzero(np.isfinite(before.height + after.height))
@@ -161,10 +156,7 @@ def _shared(old: Epoch, new: Epoch, shares: tuple[Any, Any], alignment: np.ndarr
 def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> tuple[np.ndarray, np.ndarray]:
     """What two surveys see differently of edges and corners: where the two surfaces are not parallel, or points are far
     from their plane in both. A scour in a bed, or the bed where a heap lay, is a plane in one of them.
-
-    Returns:
-        (m,) the standard deviation of distances by that [m], and (m,) the squared tangent of the angle between the two.
-    """
+    (m,) the standard deviation of distances by that [m], and (m,) the squared tangent of the angle between the two."""
     one, rough = planes_at(old, cores.points, voxel)
     other, rough_after = planes_at(new, cores.points + distance[:, None] * cores.normals, voxel)
     tilt = np.clip(np.abs(np.einsum("ka,ka->k", one, other)), _LEAST_COSINE, 1.0) ** -2 - 1  # squared tangent

@@ -106,14 +106,7 @@ def check_folder(out: Path, *maps: Path) -> None:
 def write_comparison(
     out: Path, comparison: Comparison, place: tuple[Georeference, Projection] | None
 ) -> Sequence[Path]:
-    """Write a comparison into a folder; what it holds besides stays.
-
-    Args:
-        place: where the old map lies on the Earth; None where that is not known.
-
-    Returns:
-        The files.
-    """
+    """Write a comparison into a folder, where the old map lies at `place`, and return the files."""
     distances, regions = comparison.distances, comparison.regions
     columns = _columns(distances, regions)
     with locked(out, writing=True), all_or_none() as written:

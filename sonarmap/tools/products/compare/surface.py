@@ -72,13 +72,7 @@ class Epoch:
     @classmethod
     def of_cloud(cls, points: np.ndarray, weight: np.ndarray, sigma: float | None, beside: "Epoch") -> "Epoch":
         """A cloud of which no pose is known, so that none is taken to err, and that is seen from where the nearest
-        points of the survey beside it are.
-
-        Args:
-            points: (M, 3) float64 [m], frame of the survey beside it.
-            weight: (M,) float64, how many points of the cloud each is the mean of.
-            sigma: standard deviation of a coordinate of one of these [m]; None where only their scatter tells.
-        """
+        points of the survey beside it are, in whose frame it is; `sigma` is of one of its points [m]."""
         noise = np.maximum((sigma or 0.0) / np.sqrt(weight), _LEAST_NOISE)
         near = KDTree(beside.points).query(points)[1]
         scan, exact = np.zeros(len(points), np.int64), np.zeros((6, 6))

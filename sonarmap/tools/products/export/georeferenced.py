@@ -69,11 +69,9 @@ class MapGrid:
 
 @dataclass(frozen=True)  # without slots: what is computed is kept
 class Georeferenced(MapGrid):
-    """One part of a map whose place on the Earth is known, of n scans, and M points of their surface.
-
-    Angles are the sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch
-    positive nose up, heading clockwise from North.
-    """
+    """One part of a map whose place on the Earth is known, of n scans, and M points of their surface. Angles are the
+    sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch positive nose
+    up, heading clockwise from North."""
 
     georeference: Georeference  # of the part's frame
     projection: Projection  # the CRS of projected coordinates

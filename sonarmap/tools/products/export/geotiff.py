@@ -49,7 +49,6 @@ _PROFILE: dict[str, Any] = {
 
 def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
     """Write the heights that `grid.height` names (band 1), standard deviations (2), and how many sonar points (3).
-
     Cells are `grid.cell_m` wide; their edges lie at multiples of that, so that grids of two maps fit each other. A cell
     without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows it in. Returns what
     the bands mean."""
@@ -128,11 +127,9 @@ def _require_whole(temporary: Path, path: Path) -> None:
 
 
 def _qgis_style(grid: MapGrid) -> bytes:
-    """Band 1 in the colors of the KMZ's picture: left alone, QGIS mixes the three bands to red, green and blue.
-
-    QGIS reads the file of the same name when it opens the raster. Nothing else may have that name: a KML layer beside a
-    style for rasters loses its own colors.
-    """
+    """Band 1 in the colors of the KMZ's picture: left alone, QGIS mixes the three bands to red, green and blue. QGIS
+    reads the file of the same name when it opens the raster. Nothing else may have that name: a KML layer beside a
+    style for rasters loses its own colors."""
     from matplotlib import colormaps, colors
 
     low, high = grid.shown_heights
@@ -281,10 +278,8 @@ def _coordinate(place: np.ndarray, separator: str) -> str:
 
 
 def pictures_of(earth: Georeferenced) -> list[Picture]:
-    """The map from above, colored by height, clear where there are no points: one picture, two across 180 degrees.
-
-    A pixel shows the same height as a cell of the GeoTIFF would there.
-    """
+    """The map from above, colored by height, clear where there are no points: one picture, two across 180 degrees. A
+    pixel shows the same height as a cell of the GeoTIFF would there."""
     from matplotlib import colormaps
 
     latitude, longitude, _ = earth.points.T

@@ -94,15 +94,8 @@ def default_cell(voxel: float) -> float:
 
 
 def empty_share(places: np.ndarray, cell: float, reach: float) -> float:
-    """The share of a grid's covered cells that hold no point.
-
-    Covered are the cells of the morphological closing of all cells with points.
-
-    Args:
-        places: (M, 2) x and y of the points [m].
-        cell: edge of a cell [m].
-        reach: half the edge of the closing's square [m].
-    """
+    """The share of a grid's covered cells that hold no point of these places (M, 2) [m]: covered are those of the
+    morphological closing of all cells with points, by a square of twice the reach [m]."""
     coarse = max(1, int(np.ceil(reach / cell / _FINE)))  # cells across one of the closing
     row, column = np.unique(np.floor(places / (coarse * cell)).astype(np.int64), axis=0).T
     row, column = row - row[0], column - column.min()

@@ -99,11 +99,9 @@ def _loops(earth: Georeferenced) -> Iterator[Feature]:
 
 
 def write_geojson(path: Path, earth: Georeferenced) -> None:
-    """Write a FeatureCollection (RFC 7946) of longitude, latitude [deg, WGS84] and height [m].
-
-    The property `layer` of a feature is a name of LAYERS. A line across the 180th meridian is cut there (section
-    3.1.9). Heights count from the property `height_reference`, which the RFC wants to be the WGS84 ellipsoid.
-    """
+    """Write a FeatureCollection (RFC 7946) of longitude, latitude [deg, WGS84] and height [m]. The property `layer` of
+    a feature is a name of LAYERS. A line across the 180th meridian is cut there (section 3.1.9). Heights count from the
+    property `height_reference`, which the RFC wants to be the WGS84 ellipsoid."""
     features = [_feature(each, earth.poses[each.scans][:, [1, 0, 2]]) for each in features_of(earth)]
     write_json(path, {"type": "FeatureCollection", "features": features})
 
@@ -140,10 +138,8 @@ def cut_at_180(line: np.ndarray) -> list[np.ndarray]:
 
 
 def write_geopackage(path: Path, earth: Georeferenced) -> None:
-    """Write the layers that have features, in the map's projected CRS [m], with the attributes that GeoJSON has.
-
-    Times are date-times in UTC [ms]. Heights count from the attribute `height_reference`.
-    """
+    """Write the layers that have features, in the map's projected CRS [m], with the attributes that GeoJSON has. Times
+    are date-times in UTC [ms]. Heights count from the attribute `height_reference`."""
     from pyogrio import set_gdal_config_options
 
     features = features_of(earth)

@@ -163,10 +163,8 @@ class Kept:
             self._latest[name] = self._changes, content
 
     def after(self, reached: dict[type, int]) -> list[str | bytes]:
-        """The next messages for a browser, texts first, and none if it has everything.
-
-        `reached` is what it has, the last change among its texts and among its bytes; it is moved on.
-        """
+        """The next messages for a browser, texts first, and none if it has everything. `reached` is what it has, the
+        last change among its texts and among its bytes; it is moved on."""
         with self._lock:
             new = [(at, content) for at, content in self._latest.values() if at > reached.get(type(content), 0)]
         texts = [each for each in new if isinstance(each[1], str)]

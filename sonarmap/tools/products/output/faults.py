@@ -48,10 +48,8 @@ _EACH = 3  # gaps or fixes that get a sentence each; more share one
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
     """Navigation that the map contradicts, errors of the method, odd scans, several parts, scans without a place, gaps,
     odd steps, ties and control points that do not fit, wrong fixes, loops without effect, and stray points: a sentence
-    each.
-
-    What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
-    """
+    each. What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in
+    backticks."""
     unusable = _unusable(result, names)
     return [
         *contradictions(result),

@@ -94,15 +94,12 @@ def part_files(result: SurveyResult, rank: int) -> list[str]:
 
 def write_survey(folder: Path, result: SurveyResult, run: SurveyRun) -> Path:
     """Write a survey's maps, a picture of each, trajectories, graph, pairs and summary, and return the summary's path.
-
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
     nothing joined is in no map. Where there are several surveys, map_survey_0.ply and so on are the maps of each one's
     scans alone. map_all.ply has what map.ply has and the points that were left out of it, as too few scans saw them;
     map_all_survey_0.ply and so on have the same of the maps of each survey. The graph holds all components. All files
     appear together or, where one cannot be written, none does; what the folder's earlier run had beyond this one's
-    files is removed, and so is what was exported of it.
-
-    The folder is made where it is missing."""
+    files is removed, and so is what was exported of it. The folder is made where it is missing."""
     earlier = earlier_files(folder)
     files = [part_files(result, rank) for rank in range(1, len(placed(result.components)) + 1)]
     summary = survey_summary(result, run)

@@ -37,20 +37,10 @@ _DIMENSIONS = {"ping": ("u4", "ping of the line, from 0"), "beam_angle": ("f4", 
 
 @dataclass(frozen=True, slots=True)
 class MovedLine:
-    """One line.
-
-    Attributes:
-        path: its file.
-        before: as it was recorded, in the map's world.
-        after: as the map has it.
-        sigmas: (P, 6) standard deviations of the pings' poses afterwards: rotation about East, North, Up [rad], then
-            along these [m].
-    """
-
-    path: Path
-    before: PingLine
-    after: PingLine
-    sigmas: np.ndarray
+    path: Path  # its file
+    before: PingLine  # as it was recorded, in the map's world
+    after: PingLine  # as the map has it
+    sigmas: np.ndarray  # (P, 6) of the pings' poses then: rotation about East, North, Up [rad], along these [m]
 
     @property
     def shifts(self) -> np.ndarray:
@@ -61,12 +51,8 @@ class MovedLine:
 def moved_lines(
     patches: Mapping[int, PingPatch], result: SurveyResult, georeference: Georeference, reading: LineReading
 ) -> list[MovedLine]:
-    """The lines of which patches lie in the world, in the order of their first scans; files are read again.
-
-    Args:
-        patches: by scan.
-        georeference: of the map's world.
-        reading: as their patches were cut."""
+    """The lines of which patches lie in the world, in the order of their first scans; files are read again,
+    as their patches, by scan, were cut."""
     placed = {k for k, prior in result.solution.graph.priors if prior.knows_position}
     in_world = {k for members in result.components if placed.intersection(members) for k in members}
     of_files: dict[Path, list[int]] = {}

@@ -29,9 +29,8 @@ _WORDS = {answer: word for word, answer in ANSWERS.items()}
 
 
 def write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
-    """Write one row per pair, in the order of trying, under COLUMNS; a cell of what is not known is empty.
-
-    Numbers are written so that reading them gives the same ones."""
+    """Write one row per pair, in the order of trying, under COLUMNS; a cell of what is not known is empty. Numbers are
+    written so that reading them gives the same ones."""
     measured = iter(_measured([registration for pair in pairs if (registration := registration_of(pair))]))
     rows = (pair_row(pair) | (next(measured) if registration_of(pair) else {}) for pair in pairs)
     write_table(path, COLUMNS, ([_cell(row.get(name, "")) for name in COLUMNS] for row in rows))
@@ -96,10 +95,8 @@ def tie_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]
 
 
 def _transform_row(given: Registration) -> dict[str, float]:
-    """A transform and its standard deviations as the columns of a file of ties have them [m, deg].
-
-    Standard deviations that differ by direction become their root mean squares.
-    """
+    """A transform and its standard deviations as the columns of a file of ties have them [m, deg]. Standard deviations
+    that differ by direction become their root mean squares."""
     turn, shift = np.sqrt(np.diag(given.covariance).reshape(2, 3).mean(axis=1)).tolist()
     angles = given.T_target_source.rotation.as_euler("ZYX", degrees=True)[::-1]
     values = [*given.T_target_source.translation.tolist(), *angles.tolist(), shift, float(np.degrees(turn))]
@@ -149,10 +146,8 @@ def control_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, A
 
 
 def control_fit(result: SurveyResult, names: Sequence[str]) -> dict[str, Any] | None:
-    """How well the map fits its control and its check points, and which were left out; None without any.
-
-    Points of parts that do not lie in the world do not count, nor do those that were left out.
-    """
+    """How well the map fits its control and its check points, and which were left out; None without any. Points of
+    parts that do not lie in the world do not count, nor do those that were left out."""
     if not result.control:
         return None
     counted = [each for each in result.control if each.in_world and not each.left_out]

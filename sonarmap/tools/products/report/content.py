@@ -194,13 +194,11 @@ _PLACES = ("point", "known", "estimated", "sigma")  # of a control point: three 
 
 
 def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
-    """The poses of a map: scans, stamps [s], places [m], turns, and the half axes of their ellipsoids.
-
-    An ellipsoid's three half axes, (3, 3) as rows x, y, z [m], are standard deviations of the place along the
-    directions in which they are independent, in the map's frame. A turn is the quaternion x, y, z, w of R_world_sensor.
-    `before` has the places before the loops, or null where graph.json does not say them, or where they are the same;
-    `overlaps` each scan's overlap with the scan that it was registered with consecutively, or null.
-    """
+    """The poses of a map: scans, stamps [s], places [m], turns, and the half axes of their ellipsoids. An ellipsoid's
+    three half axes, (3, 3) as rows x, y, z [m], are standard deviations of the place along the directions in which they
+    are independent, in the map's frame. A turn is the quaternion x, y, z, w of R_world_sensor. `before` has the places
+    before the loops, or null where graph.json does not say them, or where they are the same; `overlaps` each scan's
+    overlap with the scan that it was registered with consecutively, or null."""
     R = part.trajectory.T_world_sensor.rotation.as_matrix()
     variances, directions = np.linalg.eigh(R @ part.covariances[:, 3:, 3:] @ R.transpose(0, 2, 1))
     half_axes = (directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]).transpose(0, 2, 1)
@@ -256,11 +254,9 @@ def crossing_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """How far the poses lie from what instruments measured of them.
-
-    A row has the scan's number, and for each of ANGLES [deg] and AXES [m] the map's value less the instruments', and
-    the instruments' standard deviation; None where they did not measure it.
-    """
+    """How far the poses lie from what instruments measured of them. A row has the scan's number, and for each of ANGLES
+    [deg] and AXES [m] the map's value less the instruments', and the instruments' standard deviation; None where they
+    did not measure it."""
     priors = [prior for prior in graph["priors"] if any(sigma is not None for sigma in prior["sigmas"])]
     if not priors:
         return []
@@ -298,11 +294,8 @@ def tie_rows(summary: Mapping[str, Any], names: Sequence[str]) -> list[dict[str,
 
 
 def control_rows(summary: Mapping[str, Any], parts: Sequence[MapPart], names: Sequence[str]) -> list[dict[str, Any]]:
-    """The control points of the map, as summary.json has them; residuals are estimated less known [m].
-
-    `counted` says whether a point's residual tells of the map: whether its part is in the world, and others do not
-    contradict it.
-    """
+    """The control points of the map, as summary.json has them; residuals are estimated less known [m]. `counted` says
+    whether a point's residual tells of the map: whether its part is in the world, and others do not contradict it."""
     in_world = {names[scan] for part in parts if part.in_world for scan in part.scans}
     fit: Mapping[str, Any] = summary.get("control") or {}
     left_out = {(row["name"], _name(row["scan"], names)) for row in fit.get("left_out", ())}

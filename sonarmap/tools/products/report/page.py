@@ -29,10 +29,8 @@ Files = Sequence[tuple[str, str]]  # package and name of each
 
 
 def write_report(folder: Map) -> Path:
-    """Write report.html into a map's folder, and list it in summary.json, so that the next `sonarmap map` removes it.
-
-    Returns:
-        The page's path."""
+    """Write report.html into a map's folder, and list it in summary.json, so that the next `sonarmap map` removes it;
+    returns its path."""
     with as_written(folder.path), naming(folder.path):
         page = report_text(content_of(folder))
     with all_or_none():

@@ -39,9 +39,8 @@ _MARK: dict[str, Any] = {"linestyle": "none", "color": "white", "markeredgecolor
 def draw_map(
     path: Path, result: SurveyResult, rank: int, inputs: Sequence[str], georeference: Georeference | None = None
 ) -> None:
-    """Write a PNG of map number `rank`, 1 for the largest, seen from above.
-
-    `inputs` are the files or folders that were mapped, `georeference` None where it is not known."""
+    """Write a PNG of map number `rank`, 1 for the largest, seen from above. `inputs` are the files or folders that were
+    mapped, `georeference` None where it is not known."""
     write_png(map_figure(result, rank, inputs, georeference), path)
 
 

@@ -33,12 +33,10 @@ _SPACED = (  # how the bits of a number of 16 bits are moved until there are two
 
 def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) -> tuple[bytes, dict[str, Any]]:
     """Pack points (M, 3) [m] of a map with voxels of this edge [m], and columns of M whole numbers, not negative, below
-    2**32, which take as many bytes a point as they need.
-
-    Returns gzipped planes of M bytes each, and what a reader has to know: the `quantum` that coordinates are whole
-    numbers of [m]; the `tiles` in the order of the points, of which `count` share the corner `origin` [m]; and
-    `planes`, {column: its number of planes}, in their order behind the six of x, y and z, lowest byte first.
-    """
+    2**32, which take as many bytes a point as they need. Returns gzipped planes of M bytes each, and what a reader has
+    to know: the `quantum` that coordinates are whole numbers of [m]; the `tiles` in the order of the points, of which
+    `count` share the corner `origin` [m]; and `planes`, {column: its number of planes}, in their order behind the six
+    of x, y and z, lowest byte first."""
     quantum = voxel / FRACTION
     lowest = points.min(axis=0) if len(points) else np.zeros(_AXES)
     places = np.rint((points - lowest) / quantum).astype(np.int64)

@@ -131,11 +131,9 @@ def _worded(name: str, value: Any) -> str:
 
 def map_command(settings: Mapping[str, Any], georeference: Georeference | None = None) -> dict[str, str]:
     """`sonarmap map` with the options that summary.json has settings of, and apart its inputs, all quoted for a POSIX
-    shell; the map's place on the Earth is said where no navigation says it again.
-
-    The page adds its own folder, so that its bytes do not depend on where it lies. The grid is as it was, so that pairs
-    that are in the journal are not registered again.
-    """
+    shell; the map's place on the Earth is said where no navigation says it again. The page adds its own folder, so that
+    its bytes do not depend on where it lies. The grid is as it was, so that pairs that are in the journal are not
+    registered again."""
     words = ["sonarmap", "map"]
     if "method" in settings:
         words += ["--method", str(settings["method"])]

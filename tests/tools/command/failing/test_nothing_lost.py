@@ -136,13 +136,6 @@ def test_a_reader_that_left_is_no_error(scans: list[str]) -> None:
     assert (ended.returncode, ended.stderr) == (141, "")
 
 
-@pytest.mark.slow
-def test_stderr_that_is_full_hides_no_failure(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)  # with which nothing is left to be written at the end
-    with Path("/dev/full").open("w") as full:
-        assert run("register", scans[0], "missing.ply", stderr=full).returncode == 2
-
-
 def as_command(*arguments: str | Path, program: str = PROGRAM) -> list[str]:
     return [sys.executable, "-c", program, *map(str, arguments)]
 

@@ -136,16 +136,6 @@ def test_a_dive_is_found_in_its_place_in_a_finished_map(rubble: Path, tmp_path: 
     assert np.linalg.norm(np.array(last.pose[:3]) - expected.translation) < 0.2
 
 
-@pytest.mark.slow
-def test_a_dive_of_another_scene_is_a_part_of_its_own(rubble: Path, tmp_path: Path) -> None:
-    states = replayed_onto(rubble, tmp_path / "out", simulated(tmp_path / "scans", "floodgate", 8))
-    last = states[-1]
-    assert last.parts >= 2
-    assert last.part >= last.own > 0
-    assert any("a separate part until a known place is seen" in state.sentence for state in states)
-    assert not any(state.status in ("placed", "uncertain") for state in states)
-
-
 VOXEL = 0.25
 HALF_VIEW, REACH = np.radians(40.0), 6.0  # of the sensor that made the map
 

@@ -175,26 +175,6 @@ def test_it_outlives_its_owner_and_the_next_one_takes_it_over(
     assert recorders(tmp_path) == []
 
 
-@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="where processes cannot be looked at")
-@pytest.mark.slow
-def test_taken_over_and_killed_it_begins_again(tmp_path: Path, to: tuple[str, int]) -> None:
-    owner = owned(tmp_path, to)
-    sent(tmp_path, "001.part.sonar", PACKETS[:6], to)
-    owner.kill()
-    owner.wait()
-    process = RecordingProcess(tmp_path, ["--sonar", LOOPBACK, *options(to)])
-    own = f"--unicast {to[0]}:{to[1]}"
-    said = f"the recording of an earlier run goes on, listening by {own}; to change that, end it"
-    assert heard(process) == [said]
-    assert heard(process) == []
-    (number,) = recorders(tmp_path)
-    os.kill(number, signal.SIGKILL)
-    until(lambda: heard(process))
-    sent(tmp_path, "002.part.sonar", PACKETS[8:12], to)
-    process.end()
-    assert [shots_in(tmp_path / "recording" / name) for name in files(tmp_path)] == [3, 2]
-
-
 def test_where_a_file_cannot_grow_it_begins_another(tmp_path: Path, to: tuple[str, int]) -> None:
     """As the file is at the limit of its size, within the twelfth packet."""
     most = sum(map(len, PACKETS[:11])) + 5

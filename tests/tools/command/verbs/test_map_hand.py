@@ -62,19 +62,6 @@ def test_verdicts_register_nothing_again(dive: Path, out: Path, tmp_path: Path) 
         assert told["target"] == f"scan_{int(loop['target']):03}"
 
 
-@pytest.mark.slow
-def test_an_added_pair_is_registered_once(dive: Path, out: Path, tmp_path: Path) -> None:
-    ties = tmp_path / "ties.csv"
-    tried = {(int(row["target"]), int(row["source"])) for row in table_of(out / "pairs.csv")}
-    i, j = next((i, j) for i in range(SCANS) for j in range(i + 2, SCANS) if (i, j) not in tried)
-    ties.write_text(f"target,source,verdict\nscan_{i:03},scan_{j:03}.ply,add\n")
-    for new in (1, 0):
-        result = done(sonarmap("map", dive, "-o", out, *GRID, "--ties", ties))
-        assert registered(out)[1] == new
-    assert "add" in result.stdout
-    assert any(pair.get("by_hand") == "add" for pair in json.loads((out / "graph.json").read_text())["pairs"])
-
-
 def control_file(folder: Path, dive: Path, off: float = 0.0, check: int = 4) -> Path:
     """Points with errors of 5 cm, one to check with, one `off` by a blunder [m]."""
     truth, rng = read_tum(dive / "truth.tum").T_world_sensor, np.random.default_rng(3)

@@ -19,12 +19,10 @@ from sonarmap.tools.command.navigation import (
     refusing,
 )
 from sonarmap.tools.files.readers.instruments import poses_of, values_of
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from tests.samples.clutter_scans import done, files_in, refused, said, scan, sonarmap, table_of, write
 from tests.samples.surveys import step_pair
 from tests.tools.files.readers.navigation.test_contradictions import TIGHT, measured, path, priors, signed
 
-SCANS, WRONG = 10, "scan_006.ply"
 SIGMAS = ("--prior-sigmas", "0.5,3,0.25,4")
 
 
@@ -112,40 +110,6 @@ def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> Non
     assert [one.prior and float(one.prior.T_world_sensor.translation[2]) for one in seen] == [None, -7.5, None]
     refused(sonarmap("inspect", folder, "--template", template), "is there already")
     refused(sonarmap("inspect", template, "--template", folder / "b.csv"), "is a log of navigation")
-
-
-@pytest.fixture(scope="module")
-def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A survey with a position at every second scan, of which one is 30 m off, and odometry."""
-    folder = tmp_path_factory.mktemp("dive")
-    measured = "--priors position,depth --fix-every 2 --odometry-drift 1,10"
-    words = f"simulate --scene harbor --scans {SCANS} {measured} --seed 3"
-    assert sonarmap(*words.split(), "-o", str(folder), "--quiet").exit_code == 0
-    rows = table_of(folder / "priors.csv")
-    for row in rows:
-        if row["name"] == WRONG:
-            row["x_m"] = str(float(row["x_m"]) + 30.0)
-    write_table(folder / "priors.csv", rows)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def mapped(dive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("mapped")
-    navigation = ("--priors", dive / "priors.csv", "--odometry", dive / "odometry.tum")
-    result = done(sonarmap("map", dive, "-o", out, "--grid", "64", "--loops", "1", *navigation))
-    said(result, "the position of scan_006 is")
-    return out
-
-
-@pytest.mark.slow
-def test_the_wrong_fix_is_named_and_left_out(mapped: Path, dive: Path) -> None:
-    summary = json.loads((mapped / "summary.json").read_text())
-    assert [(fix["name"], fix["kind"]) for fix in summary["wrong_fixes"]] == [("scan_006", "position")]
-    estimate, truth = read_tum(mapped / "trajectory.tum"), read_tum(dive / "truth.tum")
-    assert len(estimate) == SCANS
-    away = estimate.T_world_sensor.translation - truth.T_world_sensor.translation
-    assert np.linalg.norm(away, axis=1).max() < 6  # fixes of 3 m
 
 
 SMALL = ("--scene", "harbor", "--scans", "3", "--sensor", "paper", "--spacing", "5", "--quiet")

@@ -132,21 +132,6 @@ def test_a_projected_file_is_brought_to_the_earth(folder: Map, tmp_path: Path) -
     assert len(there.distances.compared) > 100
 
 
-@pytest.mark.parametrize(
-    ("points", "words"),
-    [
-        (np.zeros((100, 2)), r"shape \(100, 2\); wanted numbers"),
-        (np.full((100, 3), np.nan), "finite points in 0 voxels"),
-        (np.zeros((10, 3)), "finite points in 1 voxels of the map; wanted 50"),
-        (np.random.default_rng(0).uniform(0, 0.1, (90, 3)), "points in .* voxels of the map; wanted 50"),
-        (np.random.default_rng(0).uniform(-9e3, 9e3, (100, 3)), "are these millimeters"),
-    ],
-)
-def test_bad_points(folder: Map, points: np.ndarray, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        PointCloud.of_points(points, folder)
-
-
 def test_bad_files(folder: Map, tmp_path: Path) -> None:
     some = np.random.default_rng(0).uniform(0, 20, (90, 3))
     degrees = las(tmp_path / "degrees.las", some / 1e4 + np.array([9, 60, 0]), CRS.from_epsg(4326))

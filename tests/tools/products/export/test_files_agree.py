@@ -88,22 +88,6 @@ def test_places_and_times(exported: tuple[Path, Map]) -> None:
     assert set(named["height_reference"]) == {"MSL"} == {row["height_reference"] for row in rows}
 
 
-def test_attitudes(exported: tuple[Path, Map]) -> None:
-    out, _ = exported
-    rows = table_of(out / "poses.csv")
-    angles = [[float(row[name]) for name in ("roll_deg", "pitch_deg", "heading_deg")] for row in rows]
-    attitude = np.degrees(np.loadtxt(out / "eiva_attitude.txt")[:, 1:])
-    apart = (attitude - angles + 180) % 360 - 180
-    np.testing.assert_allclose(apart, 0, atol=1e-6)
-    features = json.loads((out / "track.geojson").read_text())["features"]
-    says = [f["properties"] for f in features if f["properties"]["layer"] == "scans"]
-    assert [each["depth_m"] for each in says] == pytest.approx([float(row["depth_m"]) for row in rows], abs=1e-5)
-    assert [(each["name"], each["utc"]) for each in says] == [(row["name"], row["utc"]) for row in rows]
-    for name in ["roll_deg", "pitch_deg", "heading_deg", "heading_grid_deg", "east_sigma_m", "heading_sigma_deg"]:
-        written = np.array([float(row[name]) for row in rows])
-        np.testing.assert_allclose([each[name] for each in says], written, rtol=1e-8, atol=1e-6)
-
-
 def test_loops_are_those_of_the_map(exported: tuple[Path, Map]) -> None:
     out, folder = exported
     features = json.loads((out / "track.geojson").read_text())["features"]

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.poses import write_g2o
@@ -33,7 +32,6 @@ from sonarmap.tools.products.export.track import (
     write_poses_csv,
 )
 from tests.samples.clutter_scans import table_of
-from tests.tools.products.export.finished import georeferenced
 from tests.tools.products.export.poses import (
     PLACES,
     apart,
@@ -173,12 +171,6 @@ def test_eiva_s_lines_ascend_in_time_in_the_layout_of_its_page(tmp_path: Path, w
     np.testing.assert_array_equal(numbers[:, 0], np.sort(stamps))
     if write is write_eiva_position:
         assert numbers[0, 3] == 29.75  # the depth of scan 3
-
-
-def test_north_is_0_and_not_360(tmp_path: Path) -> None:
-    R = Rotation.from_euler("ZYX", [[90 + 1e-9, 0, 0], [90 - 1e-9, 0, 0]], degrees=True)
-    rows = rows_of(tmp_path, georeferenced(Georeference(0.0, 3.0), RigidTransform.from_rotation(R)))
-    assert {row[name] for row in rows for name in ("heading_deg", "heading_grid_deg")} == {"0.000000"}
 
 
 def features_in(path: Path, earth: Georeferenced) -> dict[str, list[dict[str, Any]]]:

@@ -123,12 +123,3 @@ def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path
         assert saved(page, "ties", tmp_path) == [made, tie(*ends(content, 0), "reject", "seen twice")]
         page.page.locator("#ties").get_by_role("button", name="Discard new decisions").click()
         assert saved(page, "ties", tmp_path) == [made]
-
-
-@pytest.mark.slow
-def test_a_tie_keeps_its_transform(content: Content, tmp_path: Path) -> None:
-    transform = {"x_m": 1.5, "y_m": -2.0, "z_m": 0.25, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 33.0}
-    transform |= {"sigma_m": 0.02, "sigma_deg": 0.5}
-    with opened(path_of(content, tmp_path, ties=[MADE | {"transform": transform}])) as page:
-        (row,) = saved(page, "ties", tmp_path)
-        assert {name: float(row[name]) for name in transform} == transform
