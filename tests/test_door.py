@@ -122,7 +122,7 @@ class TestRegister:
     )
     def test_what_cannot_be_used_is_refused(self, target: Any, options: dict[str, Any], message: str) -> None:
         with pytest.raises(sonarmap.InputError, match=message) as refused:
-            door.register(target, points(2), **{"method": "planes"} | options)
+            door.register(target, points(2), **{"method": "icp"} | options)
         assert "--" not in str(refused.value)  # arguments, not options of the command line
 
     def test_map_coordinates_are_refused(self, tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ class TestRegister:
         words = r"8,000 of 8,000 points .*lie beyond 100 km .*map coordinates.*subtract the sensor's position"
         for given in (far, tmp_path / "far.npy", sonarmap.Scan(far.astype(np.float32))):
             with pytest.raises(sonarmap.InputError, match=words):
-                sonarmap.register(given, points(2), method="planes")
+                sonarmap.register(given, points(2), method="icp")
         for use in (sonarmap.prepare, sonarmap.map_scans, lambda given: sonarmap.fuse(given, TRUTH[:2], 0.5)):
             with pytest.raises(sonarmap.InputError, match="these look like map coordinates"):
                 use([far.astype(np.float32), points(2)])
@@ -142,12 +142,12 @@ class TestRegister:
         wide = np.column_stack([points(1), np.full(8000, -1.0), np.full(8000, np.nan)])
         wide[::8, :3] = np.nan
         wide[1::8, 2] = np.inf
-        (scan,) = sonarmap.prepare([wide], method="planes")
+        (scan,) = sonarmap.prepare([wide], method="icp")
         kept = wide[np.isfinite(wide[:, :3]).all(axis=1), :3].astype(np.float32)
         np.testing.assert_array_equal(scan.scan.points, kept)
         assert "scan 0: dropped 2,000 of 8,000 points that are NaN or infinite" in caplog.text
         masked = np.ma.masked_array(points(1), np.zeros((8000, 3), bool))
-        sonarmap.prepare([masked], method="planes")
+        sonarmap.prepare([masked], method="icp")
         masked[3] = np.ma.masked
         rows: Any = list(masked)
         for use in (
@@ -166,7 +166,7 @@ class TestRegister:
         holed[3] = np.nan
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(holed))
         cloud = o3d.t.geometry.PointCloud.from_legacy(cloud) if tensors else cloud
-        (scan,) = sonarmap.prepare([cloud], method="planes")
+        (scan,) = sonarmap.prepare([cloud], method="icp")
         np.testing.assert_array_equal(scan.scan.points, np.delete(holed, 3, axis=0).astype(np.float32))
 
 
@@ -292,7 +292,7 @@ class TestArguments:
         ],
     )
     def test_of_registration(self, name: str, value: object, words: str) -> None:
-        given = {"method": "planes", name: value}
+        given = {"method": "icp", name: value}
         for call in (
             lambda: door.register(points(1), points(2), **given),
             lambda: door.prepare([points(1)], **given),
@@ -342,12 +342,12 @@ class TestArguments:
     def test_surveys_that_number_no_scans(self, surveys: object) -> None:
         words = r"(?s)`surveys=.*cannot be used; wanted the number of each scan's survey, ascending, 2 in all"
         with pytest.raises(sonarmap.InputError, match=words):
-            door.map_scans([points(1)] * 2, method="planes", surveys=surveys)
+            door.map_scans([points(1)] * 2, method="icp", surveys=surveys)
 
 
 BAD = [None, "text", -1, 0.0, True, np.nan, [], [None], {}, np.zeros((2, 2)), np.full((4, 3), np.nan), np.empty((0, 3))]
 BAD += [np.full((4, 6, 6), np.nan), -np.stack([np.eye(6)] * 4)]
-MADE = {"method": "planes", "voxel": 0.5, "edge": 32, "max_tilt": 0.6, "device": None, "seed": 0}
+MADE = {"method": "icp", "voxel": 0.5, "edge": 32, "max_tilt": 0.6, "device": None, "seed": 0}
 
 
 @pytest.fixture(scope="module")

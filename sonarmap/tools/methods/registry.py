@@ -33,8 +33,7 @@ _POINT_SOURCES = tuple(f"tools/lab/baselines/{name}.py" for name in ("cloud", "r
 _FEATURE_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/features.py")
 _KISS_SOURCES = (*_FEATURE_SOURCES, "tools/lab/baselines/kiss.py")
 _GICP_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/gicp.py")
-_PLANE_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/planes", "slam/map/cell.py")
-ALL_METHODS = (*_DEVICE_SOURCES, "tools/lab/baselines", "tools/methods/registry.py", "slam/map/cell.py")
+ALL_METHODS = (*_DEVICE_SOURCES, "tools/lab/baselines", "tools/methods/registry.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +126,6 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "rotations from all of SO(3), verified by what the scans saw", _spectral, _DEVICE_SOURCES, _SPECTRAL
         ),
         "hemisphere": Method("the paper's chain", _hemisphere, _DEVICE_SOURCES, _HEMISPHERE),
-        "planes": Method(
-            "plane patches, matched (Pathak et al. 2010)", _OfLab("planes.registrar:PlaneRegistrar"), _PLANE_SOURCES
-        ),
         "icp": Method("ICP point to point from the identity (Open3D)", _OfLab("icp:IcpRegistrar"), _POINT_SOURCES),
         "icp-plane": Method(
             "ICP point to plane from the identity (Open3D)", _OfLab("icp:IcpRegistrar", "plane"), _POINT_SOURCES

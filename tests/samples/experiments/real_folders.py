@@ -12,7 +12,7 @@ from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 
-FEW = ("hemisphere", "planes")
+FEW = ("hemisphere", "icp")
 
 
 @cache

@@ -8,7 +8,7 @@ import pytest
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.baselines.planes.registrar import PlaneRegistrar
+from sonarmap.tools.lab.baselines.icp import IcpRegistrar
 from sonarmap.tools.methods.fingerprint import (
     method_key,
     method_sources,
@@ -27,12 +27,12 @@ def key(name: str, setup: Setup = SETUP) -> str:
 class TestMethodKey:
     def test_settings_decide(self, device: Device) -> None:
         setups = [SETUP, replace(SETUP, grid=Grid(32, 0.4)), replace(SETUP, changes={"hypotheses": 5})]
-        assert len({key("spectral", setup) for setup in setups} | {key("planes"), key("hemisphere")}) == 5
+        assert len({key("spectral", setup) for setup in setups} | {key("icp"), key("hemisphere")}) == 5
         assert key("spectral", replace(SETUP, changes={"hypotheses": 6})) == key("spectral")  # the default
 
     def test_a_seed_decides_where_a_method_draws_at_random(self) -> None:
         seeded = replace(SETUP, seed=4)
-        assert key("planes", seeded) == key("planes")
+        assert key("icp", seeded) == key("icp")
         assert key("fpfh-ransac", seeded) != key("fpfh-ransac")
 
     def test_methods_that_differ_in_their_arguments_alone_differ(self) -> None:
@@ -41,9 +41,9 @@ class TestMethodKey:
 
 class TestWorkerSpec:
     def test_a_worker_makes_what_this_process_has(self) -> None:
-        spec = pickle.loads(pickle.dumps(worker_spec("planes", SETUP, PlaneRegistrar(0.5), 3)))
-        assert isinstance(spec.make(), PlaneRegistrar)
-        assert (spec.key, spec.prepared) == (key("planes"), 3)
+        spec = pickle.loads(pickle.dumps(worker_spec("icp", SETUP, IcpRegistrar(0.5), 3)))
+        assert isinstance(spec.make(), IcpRegistrar)
+        assert (spec.key, spec.prepared) == (key("icp"), 3)
 
 
 class TestSources:
@@ -80,10 +80,10 @@ class TestSources:
             source_digest(("tools/two",), (), project)
 
     def test_every_method_has_sources_and_other_methods_files_are_not_among_them(self) -> None:
-        own = {"kiss": "kiss", "gicp": "gicp", "fpfh-ransac": "features", "planes": "planes"}
+        own = {"kiss": "kiss", "gicp": "gicp", "fpfh-ransac": "features"}
         for name, method in METHODS.items():
             assert source_digest(method.sources)
             assert ("kernels" in method.sources) is ("device" in method.options)
             strange = {file for other, file in own.items() if other != name} - {own.get(name)}
-            if name in ("icp", "icp-plane", "gicp", "planes"):
+            if name in ("icp", "icp-plane", "gicp"):
                 assert not any(file in place for file in strange for place in method.sources), name

@@ -66,7 +66,7 @@ def test_other_settings_make_another_and_one_is_kept(calls: list[str], monkeypat
         matrix(**options)
         assert len(reuse._KEPT) == 1
     assert calls.count("__init__") == 5
-    matrix(method="planes")
+    matrix(method="icp")
     assert not reuse._KEPT  # points alone: it is made at once
     monkeypatch.setattr(reuse, "_PART", 10**9)  # as if the device were too small
     matrix()

@@ -2,5 +2,5 @@
 
 In: a scan (`prepare`), two prepared scans (`register`). Out: a `spectral.result.Registration`, as the protocol
 `Registrar` asks for. One file per method; `result.py` has the frame of those that work on points, their covariance,
-overlap and acceptance; `planes/` registers plane patches, `surveys.py` maps whole surveys by other systems.
+overlap and acceptance; `surveys.py` maps whole surveys by other systems.
 """

@@ -233,7 +233,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
         "limits": Figure("Errors of the estimates against the tilt, as Fig. 9.", draw_limits),
         "gaussian": Figure("The share of seeds that are right at each scan, with 95 % intervals.", draw_gaussian),
         "floodgate": Figure(
-            "The maps from above, as Figs. 25, 28 and 30. Thin lines show what is solid 4 m below the surface; the "
+            "The maps from above, as Figs. 25 and 30. Thin lines show what is solid 4 m below the surface; the "
             "true path is black, the estimated path magenta.",
             draw_floodgate,
         ),

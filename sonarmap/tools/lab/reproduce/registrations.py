@@ -13,7 +13,7 @@ from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.methods.registry import Setup, find_method, is_installed
 
 OURS = "spectral"
-EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-plane", "planes")
+EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-plane")
 PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 # The code that decides the rows of an experiment on simulated pairs, beside the methods'
 SOURCES = (

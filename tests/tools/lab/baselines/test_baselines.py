@@ -134,7 +134,7 @@ def test_a_missing_package_is_told() -> None:
 
 
 def test_a_name_that_is_none_is_told() -> None:
-    with pytest.raises(InputError, match="no method is called 'ipc'; wanted one of spectral, hemisphere, planes, icp"):
+    with pytest.raises(InputError, match="no method is called 'ipc'; wanted one of spectral, hemisphere, icp"):
         build("ipc", GRID)
 
 

@@ -14,7 +14,7 @@ from sonarmap.tools.lab.reproduce.tables import SHOWN
 from tests.samples.experiments.real_folders import put
 from tests.tools.lab.reproduce.test_run import silence
 
-FEW = ("hemisphere", "planes")
+FEW = ("hemisphere", "icp")
 _CLUTTER = {"scenes": ("clutter",), "first_seed": 3, "edge": 64}
 TINY = {
     "translation": {"settings": _CLUTTER | {"steps": (8, 16)}},
@@ -23,8 +23,8 @@ TINY = {
     "gaussian": {"grid": 32},
     "floodgate": {"settings": {"methods": ("icp", "hemisphere"), "edges": (32,), "scans": 3}},
     "pairs": {"grid": 32, "method": FEW, "pairs": 1},
-    "kinds": {"grid": 32, "method": ("spectral", "planes")},
-    "real": {"grid": 32, "method": ("spectral", "planes"), "known": "attitude,depth"},
+    "kinds": {"grid": 32, "method": ("spectral", "icp")},
+    "real": {"grid": 32, "method": ("spectral", "icp"), "known": "attitude,depth"},
     "survey": {"settings": {"first_seed": 3, "counts": (5,), "dive": 4, "unusable": 0.2}},
     "scale": {"settings": {"counts": (60,), "points": 2000}},
     "decisions": {"settings": {"scans": 4}},

@@ -84,6 +84,6 @@ class TestPairs:
         assert tree.query(pair.source.points)[0].mean() > 3 * pair.grid.voxel
 
     def test_jobs_do_not_depend_on_how_many_pairs_are_asked_for(self) -> None:
-        few, many = (create("pairs", Request(set=("overlap",), pairs=n, method=("planes",))).jobs for n in (6, 20))
+        few, many = (create("pairs", Request(set=("overlap",), pairs=n, method=("icp",))).jobs for n in (6, 20))
         assert set(few) < set(many)
-        assert few == ["yaw/000/planes", "yaw/001/planes", "any/000/planes"]
+        assert few == ["yaw/000/icp", "yaw/001/icp", "any/000/icp"]

@@ -73,7 +73,7 @@ class TestRuns:
         for degrees in (0, 20):
             turn = RigidTransform.from_rotation(Rotation.from_euler("Z", degrees, degrees=True))
             (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2] * turn))
-            experiment = create("real", asked(folder, device, method=("planes",), voxel=2.0))
+            experiment = create("real", asked(folder, device, method=("icp",), voxel=2.0))
             (job,) = experiment.jobs
             rows.append(experiment.run(job).rows[0])
         assert [row["right"] for row in rows] == [True, False]

@@ -51,4 +51,4 @@ def test_the_bound_on_tilt_is_lifted_where_there_is_one(device: Device) -> None:
     bounded, free = (registrar("hemisphere", Grid(16, 1.0), device.selector, bound) for bound in (None, math.pi))
     # pyrefly: ignore[missing-attribute]
     assert (bounded.config.max_tilt, free.config.max_tilt) == (math.radians(35), math.pi)
-    registrar("planes", Grid(16, 1.0), None, math.pi)
+    registrar("icp", Grid(16, 1.0), None, math.pi)

@@ -91,7 +91,7 @@ def kind_row(**changes: object) -> Row:
 def test_the_worst_kind_stands_first_and_flat_scenes_do_not_count() -> None:
     swaths = [kind_row(kind="swath", number=number, right=number < 6, accepted=number < 4) for number in range(8)]
     rows = [*(kind_row(number=number) for number in range(10)), *swaths, kind_row(relief="flat", right=False)]
-    rendered = render(KINDS[0], frame_of([*rows, kind_row(method="planes", right=False)]))
+    rendered = render(KINDS[0], frame_of([*rows, kind_row(method="icp", right=False)]))
     assert rendered is not None
     assert [row[0] for row in rendered.rows] == ["swath", "patch", "all kinds"]
     assert rendered.rows[0][1:] == ("75 %, 67 %, 0", "–")
