@@ -29,10 +29,8 @@ _SEEDED = frozenset(("seed",))
 
 # What decides the results of methods, as `tools.methods.fingerprint.source_digest` takes it
 _DEVICE_SOURCES = ("kernels", "spectral")
-_POINT_SOURCES = tuple(f"tools/lab/baselines/{name}.py" for name in ("cloud", "result", "icp"))
+_POINT_SOURCES = tuple(f"tools/lab/baselines/{name}.py" for name in ("points", "icp"))
 _FEATURE_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/features.py")
-_KISS_SOURCES = (*_FEATURE_SOURCES, "tools/lab/baselines/kiss.py")
-_GICP_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/gicp.py")
 ALL_METHODS = (*_DEVICE_SOURCES, "tools/lab/baselines", "tools/methods/registry.py")
 
 
@@ -142,11 +140,13 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             _FEATURE_SOURCES,
             _SEEDED,
         ),
-        "kiss": Method("KISS-Matcher, then ICP", _OfLab("kiss:KissRegistrar"), _KISS_SOURCES, package="kiss-matcher"),
+        "kiss": Method(
+            "KISS-Matcher, then ICP", _OfLab("features:KissRegistrar"), _FEATURE_SOURCES, package="kiss-matcher"
+        ),
         "gicp": Method(
             "generalized ICP from the identity (small_gicp)",
-            _OfLab("gicp:GicpRegistrar"),
-            _GICP_SOURCES,
+            _OfLab("icp:GicpRegistrar"),
+            _POINT_SOURCES,
             package="small_gicp",
         ),
     }

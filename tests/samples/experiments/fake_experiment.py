@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
-from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.provenance import Provenance
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row
+from sonarmap.tools.lab.reproduce.run import Provenance
 
 JOBS = ("a", "b", "c", "d", "e")
 ran: list[str] = []  # the jobs that were run in this process

@@ -15,9 +15,8 @@ from sonarmap.tools.command.terminal import number_table, print_json, print_resu
 
 if TYPE_CHECKING:
     from sonarmap.tools.lab.evaluate.map_error import MapError
-    from sonarmap.tools.lab.evaluate.pairs import PairScore
     from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration
-    from sonarmap.tools.lab.evaluate.survey import SurveySummary
+    from sonarmap.tools.lab.evaluate.survey import PairScore, SurveySummary
     from sonarmap.tools.lab.evaluate.trajectory import Alignment, Evaluation
 
 EXCEEDED = 3

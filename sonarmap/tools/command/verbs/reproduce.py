@@ -31,8 +31,8 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method
 
 if TYPE_CHECKING:
+    from sonarmap.tools.lab.reproduce.experiments import WorkerProcesses
     from sonarmap.tools.lab.reproduce.folder import Record
-    from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
 
 
 _NAMES = "; ".join(f"{name} ({entry.shows})" for name, entry in EXPERIMENTS.items())
@@ -199,8 +199,7 @@ class ExperimentJob:
 def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
     """Run one experiment and write its files; its memory on the device is freed before the next."""
     from sonarmap.tools.lab.reproduce.folder import write_experiment
-    from sonarmap.tools.lab.reproduce.provenance import provenance
-    from sonarmap.tools.lab.reproduce.run import RunOptions, run
+    from sonarmap.tools.lab.reproduce.run import RunOptions, provenance, run
 
     request, out = job.request, job.run.out
     experiment = create(name, request)
@@ -219,7 +218,7 @@ def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
 
 def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
     """The processes for an experiment; None for this process alone."""
-    from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
+    from sonarmap.tools.lab.reproduce.experiments import WorkerProcesses
 
     if job.run.workers == 1:
         return None

@@ -1,36 +1,42 @@
-"""Registration by features: fast point feature histograms (Rusu et al. 2009, DOI 10.1109/ROBOT.2009.5152473), matched,
-and the transform by RANSAC or by fast global registration (Zhou et al. 2016, DOI 10.1007/978-3-319-46475-6_47), by
-Open3D, then ICP from there, with the parameters of Open3D's own example of global registration."""
+"""Global registration by features, refined by ICP point to plane.
+
+By Open3D, with the parameters of its example: fast point feature histograms (Rusu et al. 2009, DOI
+10.1109/ROBOT.2009.5152473), and the transform by RANSAC or by fast global registration (Zhou et al. 2016, DOI
+10.1007/978-3-319-46475-6_47). By KISS-Matcher (Lim et al. 2024, arXiv 2409.15615): graph pruning, a robust solver.
+"""
 
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, quiet, to_open3d
+from sonarmap.tools.extras import load_package
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.result import MethodVerdict, PointRegistrar, judge_matches
+from sonarmap.tools.lab.baselines.points import (
+    MethodVerdict,
+    PointRegistrar,
+    ThinnedCloud,
+    judge_matches,
+    one_thread,
+    quiet,
+    silent,
+    to_open3d,
+)
 
 Solver = Literal["ransac", "fgr"]
 
-# Of Open3D's example [voxels].
-FEATURE_REACH = 5.0
+FEATURE_REACH = 5.0  # [voxels]
 FEATURE_NEIGHBORS = 100
-MATCH_REACH = 1.5  # how far apart matched points may be
-REFINE = (1.5,)  # correspondence distances of the last ICP; the example's 0.4 is less than the noise here
+MATCH_REACH = 1.5  # largest distance of matched points [voxels]
+REFINE = (1.5,)  # correspondence distances of the last ICP [voxels]; the example's 0.4 is less than the noise here
 _EDGE_RATIO = 0.9
 _SAMPLES = 3  # matches per hypothesis
-_TRIES, _CONFIDENCE = 100_000, 0.999
+_TRIES = 100_000
+_CONFIDENCE = 0.999
 
 
 class FeatureRegistrar(PointRegistrar):
-    """Global registration by FPFH, refined by ICP point to plane.
-
-    Args:
-        voxel: as `PointRegistrar` takes it.
-        solver: what finds the transform from the matched features.
-        seed: of its random samples. The same for every pair, so that a pair's result does not hang on others.
-    """
+    """FPFH; the seed of the random samples is the same for every pair, so that pairs do not depend on others."""
 
     def __init__(self, voxel: float, solver: Solver = "ransac", seed: int = 0) -> None:
         super().__init__(voxel)
@@ -47,7 +53,7 @@ class FeatureRegistrar(PointRegistrar):
             return library.compute_fpfh_feature(to_open3d(cloud), near)
 
     def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """From anywhere; believed by how many matched features agree with it."""
+        """From anywhere; accepted by the number of matched features that agree."""
         T = iterate(target, source, self._solve(target, source), [self.voxel * d for d in REFINE], "plane")
         return T, judge_matches(*self._agreeing(target, source, T))
 
@@ -78,7 +84,7 @@ class FeatureRegistrar(PointRegistrar):
         return RigidTransform.from_matrix(np.asarray(result.transformation))
 
     def _agreeing(self, target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform) -> tuple[int, int]:
-        """How many mutual matches lie within MATCH_REACH of each other under the transform, and how many there are."""
+        """Numbers of mutual matches: within MATCH_REACH of each other under the transform, and of all."""
         import open3d as o3d
 
         with one_thread():
@@ -86,3 +92,53 @@ class FeatureRegistrar(PointRegistrar):
         i, j = np.asarray(matches).reshape(-1, 2).T
         apart = T_target_source.apply(source.points[i]) - target.points[j]
         return int((np.linalg.norm(apart, axis=1) <= MATCH_REACH * self.voxel).sum()), len(i)
+
+
+_LEAST_INLIERS = 10  # of KISS-Matcher: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5
+_FEWEST_MATCHES = 3  # that fix a transform
+# KISS-Matcher ends the program where no point has neighbors enough
+_NEIGHBORS = 5
+_NEIGHBOR_REACH = 3.0  # [voxels]
+_FEWEST_POINTS = 10  # with so many neighbors within that reach
+
+
+class KissRegistrar(PointRegistrar):
+    """KISS-Matcher, which works on both scans at once: a pair's seconds hold the features of both.
+
+    Its thinning, which orders points by chance, is not used, and its bounds on the noise are not clamped to 1 m, which
+    may be less than a voxel. Raises InputError: the package is not installed.
+    """
+
+    def __init__(self, voxel: float) -> None:
+        super().__init__(voxel)
+        self._kiss = load_package("kiss_matcher", "kiss-matcher", "the method kiss", "peers")
+
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+        """From anywhere; accepted by the number of inliers."""
+        T, inliers, matches = self._match(target, source)
+        T = iterate(target, source, T, [self.voxel * d for d in REFINE], "plane")
+        return T, judge_matches(inliers, matches, _LEAST_INLIERS)
+
+    def _match(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, int, int]:
+        """The transform, its inliers, all matches."""
+        if min(self._dense(target), self._dense(source)) < _FEWEST_POINTS:
+            return RigidTransform.identity(), 0, 0
+        settings = self._kiss.KISSMatcherConfig(
+            voxel_size=self.voxel, use_voxel_sampling=False, enable_noise_bound_clamping=False
+        )
+        with silent():
+            matcher = self._kiss.KISSMatcher(settings)
+            moving, fixed = (np.array(one) for one in matcher.match(source.points.T, target.points.T))
+            if len(moving) < _FEWEST_MATCHES:
+                return RigidTransform.identity(), 0, len(moving)
+            solution = matcher.prune_and_solve(moving, fixed)
+        if not solution.valid:
+            return RigidTransform.identity(), 0, len(moving)
+        R = Rotation.from_matrix(np.asarray(solution.rotation))
+        T = RigidTransform.from_components(np.asarray(solution.translation).ravel(), R)
+        return T, int(matcher.get_num_final_inliers()), len(moving)
+
+    def _dense(self, cloud: ThinnedCloud) -> int:
+        """Number of points with neighbors enough for a feature."""
+        distance, _ = cloud.tree.query(cloud.points, [_NEIGHBORS + 1])  # a point is its own first
+        return int((distance <= _NEIGHBOR_REACH * self.voxel).sum())

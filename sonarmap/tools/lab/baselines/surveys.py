@@ -1,12 +1,11 @@
 """Other systems that map a whole survey: scans in their order and a voxel in, poses and the pairs that were tried out.
 
-Multiway registration (Choi, Zhou and Koltun 2015, DOI 10.1109/CVPR.2015.7299195), by Open3D, as its tutorial and its
-reconstruction system go about it: pairwise registrations, then one pose graph with a line process over its loops.
+Multiway registration (Choi, Zhou and Koltun 2015, DOI 10.1109/CVPR.2015.7299195), by Open3D, as in its tutorial and
+its reconstruction system: pairwise registrations, then one pose graph with a line process over its loops.
 
 KISS-SLAM (Guadagnino et al. 2025, arXiv 2503.12660): KISS-ICP's odometry, closures between local maps, a pose graph. It
-is made for a LiDAR that sees all around, ten times a second: each scan is expected where the last motion leads, and
-closures are sought in views of local maps from above, with the ground leveled. A sonar's scans, meters apart and
-through a narrow fan, are none of that: steps of two voxels are within its reach, steps of four are not.
+is made for a LiDAR that sees all around, ten times a second; a sonar's motions of two voxels are within its reach,
+those of four are not.
 """
 
 from collections.abc import Sequence
@@ -23,8 +22,8 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
 from sonarmap.tools.files.map_folder.pairs import CHAIN, TriedPair
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, silent, to_open3d
 from sonarmap.tools.lab.baselines.features import MATCH_REACH, FeatureRegistrar
+from sonarmap.tools.lab.baselines.points import ThinnedCloud, one_thread, silent, to_open3d
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,27 +37,18 @@ class SlamRun:
     seconds: float  # wall time, from the first scan to the last pose
 
 
-KEY_EVERY = 5  # scans: every pair of these key scans is tried as a loop, whatever the odometry says of them
-LEAST_OVERLAP = 0.3  # share of the smaller scan's points that a loop's matches make up; of its register_fragments
-PRUNE, LOOP_PREFERENCE = 0.25, 5.0  # of the line process; of its reconstruction system
+KEY_EVERY = 5  # scans from one key scan to the next; every pair of key scans is tried as a loop
+LEAST_OVERLAP = 0.3  # share of the smaller scan's points that a loop's matches make up, as in register_fragments
+PRUNE = 0.25  # of the line process, as in the reconstruction system
+LOOP_PREFERENCE = 5.0  # likewise
 
 
 def run_multiway(scans: Sequence[Scan], voxel: float, seed: int = 0, key_every: int = KEY_EVERY) -> SlamRun:
     """Map a survey: consecutive scans and all pairs of key scans by FPFH, RANSAC and ICP, then all poses at once.
 
-    Consecutive scans are registered as widely as loops are, from anywhere, as the tutorial's ICP from the identity does
-    not reach over meters; their edges are certain, as in the tutorial, those of loops uncertain. A scan that shows too
-    little has no pose, and those beside it are taken for consecutive. All pairs of 200 scans would be 20,000: key scans
-    are the reconstruction system's own way to have fewer.
-
-    Args:
-        scans: in their order.
-        voxel: edge of the voxels to which they are thinned [m].
-        seed: of the random samples.
-        key_every: scans from one key scan to the next.
-
-    Raises:
-        InputError: fewer than two scans that show enough.
+    Consecutive scans are registered from anywhere, as ICP from the identity does not reach over meters; their edges are
+    certain, those of loops uncertain, as in the tutorial. A scan that shows too little has no pose, and those beside it
+    are taken for consecutive. The voxel [m] thins the scans. Raises InputError: fewer than two scans show enough.
     """
     start = perf_counter()
     registrar = FeatureRegistrar(voxel, "ransac", seed)
@@ -148,22 +138,15 @@ def _optimize(
     return poses, left
 
 
-# Its defaults are for a reach of 100 m and voxels of 1 m; lengths that belong to the voxel are kept in that proportion.
+# Lengths that belong to the voxel, in the proportion of KISS-SLAM's defaults for voxels of 1 m
 _LOCAL_VOXEL = 0.5  # of local maps and of the views from above [voxels]
 _FIRST_THRESHOLD = 2.0  # of its odometry, until it knows the motion [voxels]
 _THREADS = 1  # sums over several differ in their last bits from run to run
 
 
 def run_kiss_slam(scans: Sequence[Scan], voxel: float) -> SlamRun:
-    """Map a survey with its default settings, but for the lengths that depend on the sensor, and without deskewing.
-
-    Args:
-        scans: in their order.
-        voxel: edge of the odometry's voxels [m].
-
-    Raises:
-        InputError: the package is not installed.
-    """
+    """Map a survey by its default settings without deskewing; lengths that depend on the sensor are set, as the edge of
+    the odometry's voxels [m]. Raises InputError: the package is not installed."""
     config = load_package("kiss_slam.config", "kiss-slam", "the method kiss-slam", "slam-peers").KissSLAMConfig()
     slam_module = load_package("kiss_slam.slam", "kiss-slam", "the method kiss-slam", "slam-peers")
     _fit(config, voxel, max(float(np.linalg.norm(scan.points, axis=1).max()) for scan in scans))

@@ -18,7 +18,7 @@ from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.peers import peer_versions
 from sonarmap.tools.lab.bench.result import KernelResult
 from sonarmap.tools.lab.bench.survey import Command, measure_survey
-from sonarmap.tools.lab.progress import Follow
+from sonarmap.tools.lab.terminal import Follow
 
 _RATE_REPEATS = 5
 

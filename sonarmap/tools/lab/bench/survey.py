@@ -13,10 +13,10 @@ from typing import Any
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.bench.stages import SURVEY_STAGES, clocked
-from sonarmap.tools.lab.progress import Follow
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.simulation import simulate
+from sonarmap.tools.lab.terminal import Follow
 
 Command = Callable[[Sequence[str]], object]
 SCENE = "floodgate"

@@ -6,7 +6,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from sonarmap.tools.lab.plain_table import plain_table
+from sonarmap.tools.lab.terminal import plain_table
 
 Row = Mapping[str, Any]
 Columns = Mapping[str, Callable[[Row], str]]

@@ -1,4 +1,4 @@
-"""The experiments that `sonarmap reproduce` knows, and what its options ask of them.
+"""The experiments that `sonarmap reproduce` knows: what one is, what its options ask of it, how its jobs are run.
 
 To add one: write a module with a function
 
@@ -6,12 +6,15 @@ To add one: write a module with a function
 
 that makes it from the options (None: the option was not given, so the experiment's own value holds; `as_asked` does
 that), add a row to EXPERIMENTS, and say in `tables.py` what is shown of its rows.
+
+Only the standard library is imported here: a worker's process sets the threads of other libraries before it loads them.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
+from time import perf_counter
 from types import MappingProxyType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +22,41 @@ from sonarmap.kernels.errors import InputError
 
 if TYPE_CHECKING:
     from sonarmap.kernels.device.device import Device
-    from sonarmap.tools.lab.reproduce.experiment import Experiment
+
+Value = str | int | float | bool
+Row = Mapping[str, Value]
+Settings = SimpleNamespace  # values of JSON's types by name; with the sources they decide all rows
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The results of one job."""
+
+    rows: tuple[Row, ...]  # the same on every run, key by key: they become NAME.csv
+    seconds: tuple[Row, ...] = ()  # rows of times: they become NAME-seconds.csv, the file that may differ between runs
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """An experiment as it was asked for; what is shown of its rows is in `tables.py` and `figures.py`."""
+
+    name: str  # on the command line, and of its files
+    settings: Settings
+    # Keys of all jobs, in their order. Those that differ in the last part alone, as 3/a and 3/b, share a process.
+    jobs: Sequence[str]
+    run: Callable[[str], Outcome]  # does one job, whichever were done before
+    sources: tuple[str, ...]  # folders and files whose code decides rows, its own module among them
+    # Methods that the last part of each job's key names: when the code of one changes, the others' jobs stay done
+    methods: tuple[str, ...] = ()
+    deciding: tuple[str, ...] = ("edge", "seed")  # settings that decide a method's rows, with the key, code and device
+    conclude: Callable[[Sequence[Row]], Sequence[Row]] | None = None  # makes of all rows those that tables show
+    write: Callable[[Sequence[Row]], str] | None = None  # stores what was fitted to the rows, and says where
+
+
+def all_seeds(settings: Settings) -> range:
+    """The seeds of the settings, from the first."""
+    return range(settings.first_seed, settings.first_seed + settings.seeds)
+
 
 ALL = "all"  # the paper's experiments
 # Sets of pairs -> the options that change them, beside those of every pair
@@ -53,15 +90,13 @@ class Request:
     @property
     def opened(self) -> "Device":
         """The device, which is there once an experiment is made."""
-        if self.device is None:
-            raise ValueError("no device was chosen")
+        assert self.device is not None
         return self.device
 
     @property
     def chosen_folder(self) -> Path:
-        """The folder, which is there where an experiment on one is made."""
-        if self.folder is None:
-            raise ValueError("no folder was chosen")
+        """The folder, which `chosen` asks for."""
+        assert self.folder is not None
         return self.folder
 
     @property
@@ -130,7 +165,7 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "scale": ExperimentEntry(_MADE_UP, f"{_HERE}.scale", ("seeds", "seed"), timed=True),
         "decisions": ExperimentEntry(
             "thresholds of the graph, with registrations that a folder DIR keeps",
-            f"{_HERE}.decisions",
+            f"{_HERE}.survey:create_decisions",
             _STRUCTURES[1:],
             folder=_JOURNALS,
         ),
@@ -146,9 +181,7 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
 def chosen(name: str, request: Request) -> tuple[str, ...]:
     """The experiments that a name means: itself, or all of the paper's.
 
-    Raises:
-        InputError: there is no such experiment, an option or a folder that was given has no effect on it, or it needs a
-            folder and none was given.
+    Raises InputError: there is no such experiment, an option or a folder has no effect on it, or it needs a folder.
     """
     if name not in (*EXPERIMENTS, ALL):
         raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, ALL))}")
@@ -182,23 +215,23 @@ _CHANGED_BY = {
 }
 
 
-def as_asked(request: Request, usual: Mapping[str, Any], quick: Mapping[str, Any]) -> SimpleNamespace:
-    """The usual settings, changed as the options say; of a quick run also as `quick` says where none does."""
+def as_asked(request: Request, usual: Mapping[str, Any], quick: Mapping[str, Any]) -> Settings:
+    """The usual settings, changed by the options, and by `quick` of a quick run where no option does."""
     values = {**usual, **(quick if request.quick else {})}
     for option, names in _CHANGED_BY.items():
         value = getattr(request, option)
         for name in (name for name in names if name in values and value is not None):
             is_list = isinstance(usual[name], tuple) and not isinstance(value, tuple)
             values[name] = (value,) if is_list else value
-    return SimpleNamespace(**values | dict(request.settings))
+    return Settings(**values | dict(request.settings))
 
 
-def create(name: str, request: Request) -> "Experiment":
-    """The experiment of that name, as it was asked for."""
+def create(name: str, request: Request) -> Experiment:
+    """The experiment of that name."""
     return create_from(EXPERIMENTS[name].module, request)
 
 
-def create_from(place: str, request: Request) -> "Experiment":
+def create_from(place: str, request: Request) -> Experiment:
     """The experiment that a module's `create` makes, or another function of it, as in "module:create_rotation"."""
     module, _, function = place.partition(":")
     return getattr(import_module(module), function or "create")(request)
@@ -216,3 +249,50 @@ def _check_folder(name: str, holds: str, folder: Path | None) -> None:
 
 def _flag(option: str) -> str:
     return f"--{option.replace('_', '-')}"
+
+
+_experiment: Experiment | None = None  # of this process, where it is a worker
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerProcesses:
+    """New processes that each make the same experiment, with a device of its own."""
+
+    count: int  # how many, at least 1
+    module: str  # has the experiment's `create`, as `create_from` takes it
+    request: Request  # what to make, without a device
+    device: str | None  # as `choose_device` takes it
+
+
+@dataclass(frozen=True, slots=True)
+class JobResult:
+    """A job that was run."""
+
+    job: str  # its key
+    outcome: Outcome
+    seconds: float  # wall time
+
+
+def begin(processes: WorkerProcesses) -> None:
+    """Make the experiment in a new process."""
+    global _experiment
+    from sonarmap.kernels.device.device import choose_device
+
+    _experiment = create_from(processes.module, replace(processes.request, device=choose_device(processes.device)))
+
+
+def run_in_worker(groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
+    """Run groups of jobs by the experiment of this process, which `begin` made."""
+    assert _experiment is not None, "`begin` was not called in this process"
+    return run_jobs(_experiment, groups)
+
+
+def run_jobs(experiment: Experiment, groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
+    """Run the jobs of each group, one after the other."""
+    return [[_run(experiment, job) for job in group] for group in groups]
+
+
+def _run(experiment: Experiment, job: str) -> JobResult:
+    start = perf_counter()
+    outcome = experiment.run(job)
+    return JobResult(job, outcome, perf_counter() - start)

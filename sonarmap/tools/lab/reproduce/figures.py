@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.lab.reproduce.experiment import Settings
+from sonarmap.tools.lab.reproduce.experiments import Settings
 from sonarmap.tools.lab.reproduce.floodgate import MAP_90, PAIR, PAPER_METHODS, POSE, TRUTH, chained, placed, survey
 from sonarmap.tools.lab.reproduce.registrations import EVALUATED, OURS
 from sonarmap.tools.lab.reproduce.render import Frame, where, wilson

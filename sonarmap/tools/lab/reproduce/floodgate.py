@@ -15,17 +15,8 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, pair_error
-from sonarmap.tools.lab.reproduce.experiment import (
-    EXTENT,
-    Experiment,
-    Outcome,
-    Row,
-    Value,
-    all_seeds,
-    paper_grid,
-)
-from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
-from sonarmap.tools.lab.reproduce.registrations import PARAMETERS, finish_device, parameter_cells
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked
+from sonarmap.tools.lab.reproduce.registrations import EXTENT, PARAMETERS, finish_device, paper_grid, parameter_cells
 from sonarmap.tools.lab.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap, shared_view
@@ -48,7 +39,7 @@ TRUTH = "true poses"
 _USUAL = {"methods": tuple(COMPARED), "edges": (128, 256), "seeds": 3, "first_seed": 1, "scans": PAPER_COUNT}
 SOURCES = (
     *("tools/lab/simulate", "tools/lab/evaluate", *ALL_METHODS),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations", "floodgate")),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("registrations", "floodgate")),
 )
 SCENE = "floodgate"
 RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels

@@ -9,12 +9,10 @@ from pathlib import Path
 
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.tables import to_json, write_json, write_table
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Experiment, Row
 from sonarmap.tools.lab.reproduce.figures import FIGURES
-from sonarmap.tools.lab.reproduce.provenance import Provenance
 from sonarmap.tools.lab.reproduce.render import Rendered, frame_of, render, where
-from sonarmap.tools.lab.reproduce.run import Result
+from sonarmap.tools.lab.reproduce.run import Provenance, Result
 from sonarmap.tools.lab.reproduce.tables import SHOWN
 
 

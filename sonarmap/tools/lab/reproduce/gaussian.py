@@ -11,9 +11,8 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere import HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value, all_seeds, paper_grid
-from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
-from sonarmap.tools.lab.reproduce.registrations import less_turns, parameter_cells
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked
+from sonarmap.tools.lab.reproduce.registrations import less_turns, paper_grid, parameter_cells
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_RIG
 from sonarmap.tools.lab.simulate.plan import table1_pair
 
@@ -22,7 +21,7 @@ from sonarmap.tools.lab.simulate.plan import table1_pair
 _USUAL = {"scene": "floodgate", "sigma2": (1.0, 2.0), "seeds": 10, "first_seed": 11, "edges": (128, 256)}
 SOURCES = (
     *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations", "gaussian")),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("registrations", "gaussian")),
 )
 
 

@@ -13,8 +13,7 @@ from sonarmap.spectral.geometry import cross_matrices
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value
-from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, as_asked
 from sonarmap.tools.lab.reproduce.registrations import (
     SOURCES,
     answer,

@@ -13,8 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, Value, paper_grid
-from sonarmap.tools.lab.reproduce.experiments import PAIR_SETS, Request, as_asked
+from sonarmap.tools.lab.reproduce.experiments import PAIR_SETS, Experiment, Outcome, Request, Settings, Value, as_asked
 from sonarmap.tools.lab.reproduce.registrations import (
     OURS,
     SOURCES,
@@ -23,6 +22,7 @@ from sonarmap.tools.lab.reproduce.registrations import (
     compared_methods,
     errors,
     finish_device,
+    paper_grid,
     registrar,
 )
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated

@@ -1,9 +1,11 @@
 """Every pair of folders of real scans with known truth, by every method, with the priors that there are and without."""
 
+import hashlib
 import math
+import re
 import zlib
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
@@ -12,13 +14,15 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.file import FORMATS, TRAJECTORY
+from sonarmap.tools.files.readers.instruments import PRIORS
 from sonarmap.tools.files.readers.navigation.priors import navigate
+from sonarmap.tools.files.readers.poses.trajectory import GT_LOG, TruePair, read_gt_log
 from sonarmap.tools.files.readers.scans import read_scan
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, all_seeds
-from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
-from sonarmap.tools.lab.reproduce.real_set import RealPair, RealSet, read_sets, without_truth
+from sonarmap.tools.files.readers.selection import natural_key
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, Value, all_seeds, as_asked
 from sonarmap.tools.lab.reproduce.registrations import (
     answer,
     claims,
@@ -30,14 +34,130 @@ from sonarmap.tools.lab.reproduce.registrations import (
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS, Instruments, instruments_for, measure_pose
 from sonarmap.tools.methods.registry import find_method
 
+_NUMBERED = re.compile(r"(?:.*\D)?(\d{1,9})", re.ASCII | re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class RealPair:
+    """Two files, and the truth between their scans."""
+
+    name: str  # the numbers of target and source, as in 0-2
+    # target, source: the files
+    target: Path
+    source: Path
+    T_target_source: RigidTransform  # the truth
+
+
+@dataclass(frozen=True, slots=True)
+class RealSet:
+    """The pairs of one folder."""
+
+    name: str  # the folder's
+    pairs: tuple[RealPair, ...]  # in the order of gt.log
+    priors: Path | None  # the folder's priors.csv, or None
+    digest: str  # of the content of all files that decide the rows, 64 hexadecimal digits
+
+    @property
+    def key(self) -> str:
+        """The name, and as much of the digest as tells this content from any other."""
+        return f"{self.name}@{self.digest[:8]}"
+
+
+def read_sets(folder: Path) -> tuple[RealSet, ...]:
+    """The set in `folder` if it has a gt.log, otherwise those in its sub-folders that have one, in natural order.
+
+    Raises InputError: there is no folder, no gt.log, or one that cannot be used; or a scan that it names has no file.
+    """
+    if not folder.is_dir():
+        raise InputError(f"there is no folder {folder}; give one that holds scans and a {GT_LOG}")
+    if (folder / GT_LOG).is_file():
+        return (_read_set(folder),)
+    try:
+        inside = sorted(
+            (path for path in folder.iterdir() if (path / GT_LOG).is_file()), key=lambda path: natural_key(path.name)
+        )
+    except OSError as error:
+        raise InputError(f"cannot read {folder}: {error.strerror or error}; check its permissions") from error
+    if not inside:
+        raise InputError(
+            f"neither {folder} nor a folder in it has a {GT_LOG}; wanted for every pair a line with the numbers of two "
+            "scans, as 0 1, then the four rows of the matrix that maps points of the second into the first"
+        )
+    return tuple(_read_set(path) for path in inside)
+
+
+def without_truth(folder: Path) -> tuple[str, ...]:
+    """The names of the folders in `folder` that `read_sets` leaves out, as they have no gt.log."""
+    if (folder / GT_LOG).is_file():
+        return ()
+    inside = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    return tuple(sorted(path.name for path in inside if not (path / GT_LOG).is_file()))
+
+
+def _read_set(folder: Path) -> RealSet:
+    path = folder / GT_LOG
+    name = folder.name if folder.name.strip(".") else folder.resolve().name  # of a link its own, of . the folder's
+    numbered = _numbered_scans(folder)
+    pairs = []
+    for truth in read_gt_log(path):
+        target, source = (_file_of(numbered, number, truth, path) for number in (truth.i, truth.j))
+        pairs.append(RealPair(f"{truth.i}-{truth.j}", target, source, truth.T_i_j))
+    scans = sorted({scan for pair in pairs for scan in (pair.target, pair.source)})
+    priors = folder / PRIORS
+    beside = [priors, *(scan.with_suffix(TRAJECTORY) for scan in scans)]
+    digest = _digest([path, *scans, *(other for other in beside if other.is_file())])
+    return RealSet(name, tuple(pairs), priors if priors.is_file() else None, digest)
+
+
+def _numbered_scans(folder: Path) -> dict[int, list[Path]]:
+    """The scans whose names end in a number, by this number: 7.npy and cloud_bin_7.ply have 7."""
+    numbered: dict[int, list[Path]] = {}
+    for path in sorted(folder.iterdir()):
+        match = _NUMBERED.fullmatch(path.stem)
+        if match and path.suffix.lower() in FORMATS and not path.name.startswith(".") and path.is_file():
+            numbered.setdefault(int(match[1]), []).append(path)
+    return numbered
+
+
+def _file_of(numbered: dict[int, list[Path]], number: int, truth: TruePair, path: Path) -> Path:
+    files = numbered.get(number, [])
+    if len(files) == 1:
+        return files[0]
+    where = f"{path}: line {truth.line} names the scan {number}"
+    if not files:
+        raise InputError(
+            f"{where}, and no scan beside it has a name that ends in this number, as {number}.ply or "
+            f"cloud_bin_{number}.ply; known formats are {', '.join(FORMATS)}. Add the file, or delete the pair"
+        )
+    raise InputError(
+        f"{where}, and the names of {len(files)} scans end in it: {files[0].name} and {files[1].name}; move one away"
+    )
+
+
+def _digest(files: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in files:
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"cannot read {path}: {error.strerror or error}; check its permissions") from error
+        digest.update(f"{path.name}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()
+
+
 # Standard deviations of what --known draws [rad, rad, m, m]
 SIGMAS = {"attitude": math.radians(1.5), "heading": math.radians(3.0), "depth": 0.15, "position": 3.0}
-# Voxels per edge, and their size [m], None to choose it for each pair; the largest roll and pitch between two scans, of
-# the methods that bound them [degrees]; how often the measurements of `known` are drawn for each pair
-_USUAL = {"edge": 128, "voxel": None, "max_tilt": 35.0, "seeds": 5, "first_seed": 0, "first_only": False}
+_USUAL = {
+    "edge": 128,  # voxels per edge
+    "voxel": None,  # their size [m]; None to choose it for each pair
+    "max_tilt": 35.0,  # largest roll and pitch between two scans, of the methods that bound them [degrees]
+    "seeds": 5,  # how often the measurements of `known` are drawn for each pair
+    "first_seed": 0,
+    "first_only": False,  # the first pair of each set alone
+}
 SOURCES = (
     *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate")),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations", "real", "real_set")),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("registrations", "real")),
     *("tools/lab/simulate/sensing/navigation.py", "spectral/grid.py"),
 )
 NOTHING, FILE = "nothing", "priors.csv"
@@ -50,70 +170,79 @@ def create(request: Request) -> Experiment:
     The digest of a set and the drawn priors are part of a job's key: another set makes no job run again. `quick` is the
     first pair of every set on half the voxels.
     """
-    sets = {real_set.key: real_set for real_set in read_sets(request.chosen_folder)}
-    usual = _USUAL | compared_methods(request) | {"known": _known(request)}
-    # pyrefly: ignore[unsupported-operation]
-    usual["sets"] = {real_set.name: real_set.digest for real_set in sets.values()}
-    usual["without_truth"] = without_truth(request.chosen_folder)
+    sets = read_sets(request.chosen_folder)
+    usual = {
+        **_USUAL,
+        **compared_methods(request),
+        "known": _known(request),
+        "sets": {real_set.name: real_set.digest for real_set in sets},
+        "without_truth": without_truth(request.chosen_folder),
+    }
     settings = as_asked(request, usual, {"edge": 64, "seeds": 1, "first_only": True})
-    # seeds of the drawn measurements, by all that decides those of a pair in a word
+    # seeds of the drawn measurements, by what is known and the seed in a word
     draws = {f"{','.join(settings.known)},seed={seed}": seed for seed in all_seeds(settings)} if settings.known else {}
-    instruments = Instruments(**{kind: SIGMAS[kind] if kind in settings.known else math.inf for kind in KINDS})
+    jobs = [
+        f"{real_set.key}/{pair.name}/{known}/{method}"
+        for real_set in sets
+        for pair in (real_set.pairs[:1] if settings.first_only else real_set.pairs)
+        for known in (NOTHING, *([FILE] if real_set.priors else []), *draws)
+        for method in settings.methods
+        if known == NOTHING or "priors" in find_method(method).options
+    ]
+    run = _RealPairs(sets, settings, draws, request.opened.selector).run
+    return Experiment("real", settings, jobs, run, SOURCES, settings.methods, ("edge", "voxel", "max_tilt"))
 
-    @lru_cache(maxsize=1)
-    def scans_of(target: Path, source: Path) -> tuple[Scan, Scan, Grid]:
-        """The scans of a pair, and the grid for them."""
-        scans = read_scan(target), read_scan(source)
-        return *scans, choose_grid(scans, settings.edge, settings.voxel)
 
-    def with_priors(scans: Sequence[Scan], real_set: RealSet, pair: RealPair, known: str) -> Sequence[Scan]:
+class _RealPairs:
+    """Registers pairs; the scans of the last one are kept for the next method."""
+
+    def __init__(self, sets: Iterable[RealSet], settings: Settings, draws: Mapping[str, int], device: str | None):
+        self._pairs = {(each.key, pair.name): (each, pair) for each in sets for pair in each.pairs}
+        self._settings, self._draws, self._device = settings, draws, device
+        self._instruments = Instruments(
+            **{kind: SIGMAS[kind] if kind in settings.known else math.inf for kind in KINDS}
+        )
+        self._read = lru_cache(maxsize=1)(lambda target, source: (read_scan(target), read_scan(source)))
+
+    def run(self, job: str) -> Outcome:
+        """Register a pair by one method, and time it with the preparation."""
+        key, name, known, method = job.split("/")
+        real_set, pair = self._pairs[key, name]
+        scans = self._read(pair.target, pair.source)
+        grid = choose_grid(scans, self._settings.edge, self._settings.voxel)
+        target, source = self._with_priors(scans, real_set, pair, known)
+        built = registrar(method, grid, self._device, math.radians(self._settings.max_tilt))
+        finish_device(built)
+        start = perf_counter()
+        registration = answer(built, target, source)
+        seconds = perf_counter() - start
+        drawn = known in self._draws
+        cells: dict[str, Value] = {
+            "set": real_set.name,
+            "pair": name,
+            "known": ", ".join(self._settings.known) if drawn else known,
+            "draw": str(self._draws[known]) if drawn else "",
+            "method": method,
+        }
+        scored = errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
+        return Outcome((cells | {"voxel_m": grid.voxel} | scored,), (cells | {"seconds": seconds},))
+
+    def _with_priors(self, scans: Sequence[Scan], real_set: RealSet, pair: RealPair, known: str) -> Sequence[Scan]:
         """The scans with what is known of them: a row of the file, or measurements drawn about the truth."""
         if known == NOTHING:
             return scans
         if known == FILE and real_set.priors is not None:
             return navigate(scans, real_set.priors, allow_unknown=True).scans
         poses = RigidTransform.identity(), pair.T_target_source  # the world is the target's frame
-        entropy = [draws[known], zlib.crc32(f"{real_set.name}/{pair.name}".encode())]
+        entropy = [self._draws[known], zlib.crc32(f"{real_set.name}/{pair.name}".encode())]
         return [
-            replace(scan, prior=measure_pose(pose, instruments, np.random.default_rng([*entropy, stream])))
+            replace(scan, prior=measure_pose(pose, self._instruments, np.random.default_rng([*entropy, stream])))
             for scan, pose, stream in zip(scans, poses, (_TARGET_STREAM, _SOURCE_STREAM), strict=True)
         ]
 
-    def run(job: str) -> Outcome:
-        key, pair_name, known, method = job.split("/")
-        real_set = sets[key]
-        pair = next(pair for pair in real_set.pairs if pair.name == pair_name)
-        *scans, grid = scans_of(pair.target, pair.source)
-        target, source = with_priors(scans, real_set, pair, known)
-        built = registrar(method, grid, request.opened.selector, math.radians(settings.max_tilt))
-        finish_device(built)
-        start = perf_counter()
-        registration = answer(built, target, source)
-        seconds = perf_counter() - start
-        cells = {
-            "set": real_set.name,
-            "pair": pair.name,
-            "known": ", ".join(settings.known) if known in draws else known,
-            "draw": str(draws.get(known, "")),
-            "method": method,
-        }
-        scored = errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
-        return Outcome((cells | {"voxel_m": grid.voxel} | scored,), (cells | {"seconds": seconds},))
-
-    jobs = [
-        f"{real_set.key}/{pair.name}/{known}/{method}"
-        for real_set in sets.values()
-        for pair in (real_set.pairs[:1] if settings.first_only else real_set.pairs)
-        for known in (NOTHING, *([FILE] if real_set.priors else []), *draws)
-        for method in settings.methods
-        if known == NOTHING or "priors" in find_method(method).options
-    ]
-    deciding = ("edge", "voxel", "max_tilt")
-    return Experiment("real", settings, jobs, run, SOURCES, settings.methods, deciding)
-
 
 def _known(request: Request) -> tuple[str, ...]:
-    """The instruments whose measurements are drawn about the truth, of KINDS."""
+    """The instruments of KINDS whose measurements are drawn."""
     idle = [name for name in ("seeds", "seed") if request.known is None and name in request.given]
     if idle:
         raise InputError(f"--{idle[0]} has no effect without --known; give --known too, or leave it out")

@@ -8,17 +8,17 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
-from sonarmap.tools.lab.reproduce.experiment import Value
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiments import Request, Value
 from sonarmap.tools.methods.registry import Setup, find_method, is_installed
 
 OURS = "spectral"
 EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-plane")
+EXTENT = 256.0  # of the paper's grid [m]
 PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 # The code that decides the rows of an experiment on simulated pairs, beside the methods'
 SOURCES = (
     *("tools/lab/simulate", "tools/lab/evaluate", "spectral/grid.py"),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations")),
+    "tools/lab/reproduce/registrations.py",
 )
 
 
@@ -133,3 +133,9 @@ def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransfo
 def less_turns(angle: float) -> float:
     """An angle without its whole turns [degrees], -180..180."""
     return (angle + 180) % 360 - 180
+
+
+def paper_grid(edge: int) -> Grid:
+    """A grid of `edge` voxels along each edge, as large as the paper's, which has 256 voxels of about 1 m."""
+    Grid(edge, 1.0)  # its error names the edge alone
+    return Grid(edge, EXTENT / edge)

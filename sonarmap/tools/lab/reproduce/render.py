@@ -8,8 +8,8 @@ import pandas as pd
 from rich.table import Table as RichTable
 from scipy.stats import binomtest
 
-from sonarmap.tools.lab.plain_table import plain_table
-from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.experiments import Row
+from sonarmap.tools.lab.terminal import plain_table
 
 DASH = "–"  # for what there is not
 Frame = Any  # a DataFrame of pandas, which has no types

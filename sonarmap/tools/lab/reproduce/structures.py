@@ -11,9 +11,8 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.hemisphere import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, all_seeds, paper_grid
-from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
-from sonarmap.tools.lab.reproduce.registrations import parameter_cells
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, all_seeds, as_asked
+from sonarmap.tools.lab.reproduce.registrations import paper_grid, parameter_cells
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.shapes.structure import NOISES, occupy, surface_points, swap, voxel_scan
 
@@ -33,7 +32,7 @@ _LIMITS = _USUAL | {
 }
 SOURCES = (
     *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations", "structures")),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("registrations", "structures")),
 )
 RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
 _SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void

@@ -1,24 +1,41 @@
-"""Whole surveys, mapped: how far off poses and maps are, what became of right and wrong pairs, and what it takes."""
+"""Whole surveys, mapped: how far off poses and maps are, what became of right and wrong pairs, what it takes.
+
+And surveys mapped again by other thresholds of the graph, from registrations that a folder keeps.
+"""
 
 from collections.abc import Mapping
 from functools import lru_cache
+from types import MappingProxyType
 
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.slam.candidates.settings import LoopSettings
+from sonarmap.slam.execute.journal import Journal
+from sonarmap.slam.execute.runner import Execution
+from sonarmap.slam.execute.worker import Worker, prepared_limit
+from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Value, all_seeds
-from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
-from sonarmap.tools.lab.reproduce.survey_mapped import OURS, PEERS, STAGES, SYSTEMS, installed, map_survey
-from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, simulate_survey, survey_rows
-from sonarmap.tools.methods.registry import ALL_METHODS
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked
+from sonarmap.tools.lab.reproduce.survey_mapped import OURS, PEERS, STAGES, SYSTEMS, installed, map_survey, mapped_of
+from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, estimate_cells, simulate_survey, survey_rows
+from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
+from sonarmap.tools.methods.fingerprint import method_key
+from sonarmap.tools.methods.registry import ALL_METHODS, DEFAULT_METHOD, Setup, find_method
 
 DIVES = "dives"
-# A survey of each number of scans, and two dives of so many scans over one place (0 for none); a share of the scans
-# shows nothing of the scene; voxels per edge, whose size is chosen for the survey, as `sonarmap map` does
-_USUAL = {"scene": "floodgate", "seeds": 1, "first_seed": 5, "counts": (50, 100, 200), "dive": 60}
-_USUAL |= {"unusable": 0.03, "edge": 128}
+_USUAL = {
+    "scene": "floodgate",
+    "seeds": 1,
+    "first_seed": 5,
+    "counts": (50, 100, 200),  # scans of each survey
+    "dive": 60,  # scans of each of two dives over one place; 0 for none
+    "unusable": 0.03,  # share of the scans that show nothing of the scene
+    "edge": 128,  # voxels per edge, whose size is chosen for the survey
+}
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
 SOURCES = (
     *("slam", "tools/lab/simulate", "tools/lab/evaluate", "tools/products/output", *ALL_METHODS),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "survey", "survey_mapped", "survey_rows")),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("survey", "survey_mapped", "survey_rows")),
 )
 
 
@@ -71,3 +88,52 @@ def _seconds(took: Mapping[str, float], scans: int) -> dict[str, Value]:
     times = {f"{stage}_s": seconds for stage, seconds in zip(STAGES[1:], parts, strict=True)}
     memory = took["memory"] / 2**20
     return {"scans": scans, "total_s": total, "per_scan_s": total / scans, **times, "peak_memory_mib": memory}
+
+
+_DECISIONS = {"scenes": ROUGH_SCENES, "seeds": 5, "first_seed": 7202, "scans": 24, "edge": 128}
+USUAL = "as usual"
+RULES: Mapping[str, LoopSettings] = MappingProxyType(
+    {
+        USUAL: LoopSettings(),
+        "answers agree within 3 sigmas": LoopSettings(bound=3.0),
+        "one round of loops": LoopSettings(rounds=1, most_rounds=1),
+        "without loops": LoopSettings(per_scan=0),
+    }
+)
+_DECISIONS_SOURCES = (
+    *("slam", "tools/lab/simulate", "tools/lab/evaluate", *find_method(DEFAULT_METHOD).sources),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("survey", "survey_mapped", "survey_rows")),
+)
+
+
+def create_decisions(request: Request) -> Experiment:
+    """A job is a survey by every rule, as in wreck-7202; the folder holds a journal of each survey, or gets it.
+
+    `quick` is six scans of a wreck on half the voxels.
+    """
+    settings = as_asked(request, _DECISIONS, {"scenes": ("wreck",), "seeds": 1, "scans": 6, "edge": 64})
+    folder, planned = request.chosen_folder, list[SpectralRegistrar]()
+
+    def row(survey: SimulatedSurvey, rule: str, journal: Journal) -> Row:
+        setup = Setup(survey_grid(survey.scans, settings.edge), request.opened.selector)
+        if not planned:  # its tables are planned once
+            planned.append(SpectralRegistrar(choose_device(setup.device), setup.grid))
+        registrar = planned[0].with_voxel(setup.grid.voxel)
+        key = method_key(DEFAULT_METHOD, setup, registrar)
+        execution = Execution(Worker(registrar, prepared_limit(registrar)), journal=journal, method=key)
+        mapper = Mapper(registrar, setup.grid.voxel, MapperSettings(loops=RULES[rule]), execution)
+        result = mapper.run(survey.scans)
+        registered = sum(not pair.from_journal for pair in execution.timings.pairs)
+        cells = estimate_cells(survey, mapped_of(result), setup.grid.voxel)
+        return cells | {"odd": len(result.odd), "registered": registered}
+
+    def run(job: str) -> Outcome:
+        scene, _, seed = job.rpartition("-")
+        survey = simulate_survey(scene, int(seed), settings.scans, 0.0)
+        folder.mkdir(parents=True, exist_ok=True)
+        with Journal(folder / f"{job}.sqlite") as journal:
+            begin = {"scene": scene, "seed": int(seed)}
+            return Outcome(tuple({"rule": rule, **begin, **row(survey, rule, journal)} for rule in RULES))
+
+    jobs = [f"{scene}-{seed}" for seed in all_seeds(settings) for scene in settings.scenes]
+    return Experiment("decisions", settings, jobs, run, _DECISIONS_SOURCES)

@@ -11,7 +11,6 @@ import pandas as pd
 from scipy.stats import chi2
 
 from sonarmap.tools.lab.reproduce.confidence import HELD_OUT, SET_HELD_OUT
-from sonarmap.tools.lab.reproduce.decisions import USUAL
 from sonarmap.tools.lab.reproduce.paper_tables import (
     FLOODGATE,
     GAUSSIAN,
@@ -23,6 +22,7 @@ from sonarmap.tools.lab.reproduce.paper_tables import (
 )
 from sonarmap.tools.lab.reproduce.registrations import OURS
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, ratio, share, where
+from sonarmap.tools.lab.reproduce.survey import USUAL
 from sonarmap.tools.lab.reproduce.survey_rows import BETWEEN, FATES, ROLES
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 

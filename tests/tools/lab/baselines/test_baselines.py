@@ -11,7 +11,7 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.lab.baselines.cloud import thin
+from sonarmap.tools.lab.baselines.points import thin
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise

@@ -4,9 +4,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.baselines.cloud import thin
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.result import covariance, overlap
+from sonarmap.tools.lab.baselines.points import covariance, overlap, thin
 
 VOXEL = 0.5
 # p_target = T p_source: a quarter turn and more, so that the axes of both sides differ

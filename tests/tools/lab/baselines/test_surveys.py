@@ -10,7 +10,7 @@ from numpy.testing import assert_array_equal
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import CHAIN
 from sonarmap.tools.lab.baselines.surveys import run_kiss_slam, run_multiway
-from sonarmap.tools.lab.evaluate.pairs import score_pairs
+from sonarmap.tools.lab.evaluate.survey import score_pairs
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.sensing.noise import Noise

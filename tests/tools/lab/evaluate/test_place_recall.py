@@ -9,8 +9,8 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.slam.candidates.places import PlaceIndex
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, hits, recall
-from sonarmap.tools.lab.evaluate.place_recall import revisits as revisits_of
+from sonarmap.tools.lab.reproduce.survey_rows import AMONG, GAP, hits, recall
+from sonarmap.tools.lab.reproduce.survey_rows import revisits as revisits_of
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.simulation import Simulation, simulate
 

@@ -11,8 +11,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.pairs import TriedPair
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.lab.evaluate.map_error import map_error, read_points, reference_of
-from sonarmap.tools.lab.evaluate.pairs import PairScore, score_pairs
 from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration, calibrate_poses
+from sonarmap.tools.lab.evaluate.survey import PairScore, score_pairs
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate

@@ -11,12 +11,9 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.lab.reproduce.confidence import reference
-from sonarmap.tools.lab.reproduce.confidence_fit import CLUES, fit_logistic, judged
-from sonarmap.tools.lab.reproduce.evidence import recorded_pairs
-from sonarmap.tools.lab.reproduce.evidence_pairs import draw
-from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.experiments import Request, create
+from sonarmap.tools.lab.reproduce.confidence import CLUES, fit_logistic, judged, reference
+from sonarmap.tools.lab.reproduce.evidence import draw, recorded_pairs
+from sonarmap.tools.lab.reproduce.experiments import Request, Row, create
 
 SEED = 5
 

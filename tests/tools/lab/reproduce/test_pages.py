@@ -8,8 +8,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
 from sonarmap.tools.lab.reproduce.figures import FIGURES
 from sonarmap.tools.lab.reproduce.folder import write_experiment
-from sonarmap.tools.lab.reproduce.provenance import provenance
-from sonarmap.tools.lab.reproduce.run import run
+from sonarmap.tools.lab.reproduce.run import provenance, run
 from sonarmap.tools.lab.reproduce.tables import SHOWN
 from tests.samples.experiments.real_folders import put
 from tests.tools.lab.reproduce.test_run import silence

@@ -11,8 +11,7 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.experiment import Row, Value
-from sonarmap.tools.lab.reproduce.experiments import Request, create
+from sonarmap.tools.lab.reproduce.experiments import Request, Row, Value, create
 from sonarmap.tools.lab.reproduce.floodgate import (
     DISPLACED_90,
     MAP_90,

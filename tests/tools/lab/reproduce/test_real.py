@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.lab.reproduce.experiments import create
-from sonarmap.tools.lab.reproduce.real_set import read_sets, without_truth
+from sonarmap.tools.lab.reproduce.real import read_sets, without_truth
 from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
 from tests.samples.refusals import refuses
 

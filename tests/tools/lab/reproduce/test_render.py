@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.experiments import Row
 from sonarmap.tools.lab.reproduce.paper_tables import deviations, last_right, reach
 from sonarmap.tools.lab.reproduce.render import Table, count, frame_of, number, render, share, where
 from sonarmap.tools.lab.reproduce.tables import INSIDE, KINDS, PAIRS, directions, expected_error, usual_error

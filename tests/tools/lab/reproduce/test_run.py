@@ -14,13 +14,10 @@ import pytest
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.writers.tables import to_json
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Experiment, Outcome, Request, WorkerProcesses, create
 from sonarmap.tools.lab.reproduce.folder import write_experiment
-from sonarmap.tools.lab.reproduce.provenance import Provenance, provenance
 from sonarmap.tools.lab.reproduce.registrations import EVALUATED
-from sonarmap.tools.lab.reproduce.run import JOURNAL, RunOptions, run
-from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
+from sonarmap.tools.lab.reproduce.run import JOURNAL, Provenance, RunOptions, provenance, run
 from sonarmap.tools.methods.fingerprint import ROOT, source_digest
 from tests.samples.experiments import fake_experiment
 from tests.samples.experiments.fake_experiment import JOBS, fake, origin

@@ -12,8 +12,8 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
 from sonarmap.tools.lab.reproduce import survey_rows as simulated
-from sonarmap.tools.lab.reproduce.decisions import RULES, USUAL
 from sonarmap.tools.lab.reproduce.experiments import Request, create
+from sonarmap.tools.lab.reproduce.survey import RULES, USUAL
 from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey
 from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, simulate_survey, survey_rows
 from sonarmap.tools.lab.simulate.plan import plan

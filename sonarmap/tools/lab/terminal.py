@@ -1,15 +1,19 @@
-"""A table at a terminal: names to the left, numbers to the right; long words are wrapped, and nothing is cut."""
+"""What a terminal shows of the laboratory: progress of long work, tables."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 
 from rich.table import Table
 from rich.text import Text
+
+# Follows work: label and number of pieces to a context that gives a function to call after each.
+Follow = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 
 def plain_table(
     headings: Sequence[str], rows: Iterable[Sequence[str | Text]], title: str = "", names: Sequence[str] = ()
 ) -> Table:
-    """The rows below their headings; `names` are columns of words beside the first one."""
+    """Names at the left, numbers at the right; long words are wrapped. `names` are further columns of words."""
     table = Table(box=None, pad_edge=False, title=title or None, title_justify="left", title_style="bold")
     for k, heading in enumerate(headings):
         table.add_column(heading, justify="right" if k and heading not in names else "left", overflow="fold")

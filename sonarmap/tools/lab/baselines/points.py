@@ -1,0 +1,233 @@
+"""Registration by points, one per voxel with its normal: overlap, covariance and acceptance, whatever the method.
+
+The thresholds of acceptance are from eight simulated pairs at the noise of the paper and voxels of 1 m, seeds 100 to
+107 of `random_pair` on three scenes, and five pairs of scans that share nothing: few pairs, which they separate.
+"""
+
+import ctypes
+import os
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+
+
+@contextmanager
+def silent(streams: Sequence[int] = (1,)) -> Iterator[None]:
+    """Discard what Python, C and C++ write to the standard output (1), or also to the standard error (2)."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept, nowhere = {stream: os.dup(stream) for stream in streams}, os.open(os.devnull, os.O_WRONLY)
+    for stream in streams:
+        os.dup2(nowhere, stream)
+    try:
+        yield
+    finally:
+        ctypes.CDLL(None).fflush(None)  # C holds it back where stdout is no terminal
+        for stream, before in kept.items():
+            os.dup2(before, stream)
+            os.close(before)
+        os.close(nowhere)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Open3D prints nothing but errors."""
+    import open3d as o3d
+
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        yield
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Open3D is quiet and takes one thread: sums over several differ in their last bits from run to run."""
+    import open3d as o3d
+
+    before = o3d.utility.get_max_threads()
+    o3d.utility.set_max_threads(1)
+    try:
+        with quiet():
+            yield
+    finally:
+        o3d.utility.set_max_threads(before)
+
+
+FEWEST_POINTS = 20  # as many as the spectral registration needs occupied voxels
+NORMAL_REACH = 2.0  # of the points that a normal is estimated from [voxels], as in Open3D's example
+NORMAL_NEIGHBORS = 30  # at most
+
+
+@dataclass(frozen=True, slots=True)
+class ThinnedCloud:
+    """A scan's points, thinned."""
+
+    name: str  # the scan's
+    points: np.ndarray  # (m, 3) float64 [m, sensor frame], the mean of the points of every occupied voxel
+    normals: np.ndarray  # (m, 3) float64, of unit length, on the side where the sensor was
+    tree: KDTree  # to search among the points
+    extra: Any = None  # what a method adds for itself: features, or the points as another library wants them
+
+
+def thin(scan: Scan, voxel: float) -> ThinnedCloud:
+    """One point per voxel of an edge [m], with its normal. Raises InputError: the points fill too few voxels."""
+    import open3d as o3d
+
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.points.astype(np.float64)))
+    try:
+        cloud = cloud.voxel_down_sample(voxel)
+    except RuntimeError as error:  # it counts the voxels along an axis in 32 bits
+        raise InputError(
+            f"{scan.name}: voxels of {voxel:g} m are too small for the scan's extent. Give larger ones with --voxel."
+        ) from error
+    if len(cloud.points) < FEWEST_POINTS:
+        raise InputError(
+            f"{scan.name}: its points fill {len(cloud.points)} voxels of {voxel:.3g} m; wanted at least "
+            f"{FEWEST_POINTS}. Give a scan with more structure, or smaller voxels with --voxel."
+        )
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_REACH * voxel, NORMAL_NEIGHBORS))
+    cloud.orient_normals_towards_camera_location(np.zeros(3))
+    points, normals = np.asarray(cloud.points), np.asarray(cloud.normals)
+    if scan.viewpoints is not None:
+        _, nearest = KDTree(scan.points).query(points)
+        away = np.sum(normals * (scan.viewpoints[nearest] - points), axis=1) < 0
+        normals = np.where(away[:, None], -normals, normals)
+    return ThinnedCloud(scan.name, points, normals, KDTree(points))
+
+
+def to_open3d(cloud: ThinnedCloud) -> Any:
+    """As Open3D's PointCloud."""
+    import open3d as o3d
+
+    converted = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
+    converted.normals = o3d.utility.Vector3dVector(cloud.normals)
+    return converted
+
+
+REACH = 2.0  # of a point's counterpart, as in spectral/hemisphere.py [voxels]
+
+# Points whose errors along their normals count as one: those of one neighborhood share the normal
+_CORRELATED = np.pi * NORMAL_REACH**2
+_LEAST_SIGMA = 0.05  # standard deviation of a point, also where two scans agree exactly [voxels]
+
+_LEAST_FITNESS = 0.1  # share of points in common: beds laid on each other share up to 0.7 wherever they come from
+# Share of these within half the distance: 0.84..0.95 where right, 0.50..0.81 where wrong. Voxels of less than the noise
+# lower it.
+_LEAST_CLOSE = 0.83
+_LEAST_MATCHES = 20  # that agree: with a wrong transform up to 14 do, with a right one mostly 21 and more
+
+
+@dataclass(frozen=True, slots=True)
+class MethodVerdict:
+    """Whether a method believes its result, and why, in words."""
+
+    accepted: bool
+    reason: str
+
+
+def verdict(words: str, *wanted: tuple[bool, str]) -> MethodVerdict:
+    """Refused by the first condition that is not met, each with its least value in words."""
+    missed = next((least for met, least in wanted if not met), "")
+    return MethodVerdict(not missed, f"{words}; believed from {missed} on" if missed else words)
+
+
+class PointRegistrar(ABC):
+    """A registrar that works on points: `solve`'s transform, with covariance and overlap of the points.
+
+    Its voxels [m] thin the scans, and the distances that a method uses are multiples of their edge.
+    """
+
+    def __init__(self, voxel: float) -> None:
+        self.voxel = voxel
+
+    def prepare(self, scan: Scan) -> ThinnedCloud:
+        """The scan's points, one per voxel, and what the method adds. Raises InputError: they are too few."""
+        cloud = thin(scan, self.voxel)
+        return replace(cloud, extra=self.describe(cloud))
+
+    def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
+        """Find T_target_source."""
+        start = perf_counter()
+        T_target_source, verdict = self.solve(target, source)
+        return Registration(
+            T_target_source=T_target_source,
+            covariance=covariance(target, source, T_target_source, self.voxel),
+            psr=float("nan"),
+            overlap=overlap(target, source, T_target_source, REACH * self.voxel),
+            accepted=verdict.accepted,
+            seconds=perf_counter() - start,
+            reason=verdict.reason,
+        )
+
+    def describe(self, cloud: ThinnedCloud) -> Any:
+        """What `ThinnedCloud.extra` is to be."""
+        return None
+
+    @abstractmethod
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+        """T_target_source, and whether to believe it."""
+
+
+def judge_fit(target: ThinnedCloud, source: ThinnedCloud, T: RigidTransform, voxel: float) -> MethodVerdict:
+    """By the share of points in common, and by how close these are: ICP's fitness and inlier distance."""
+    fitness, near = (overlap(target, source, T, reach * voxel) for reach in (REACH, REACH / 2))
+    close, far = near / fitness if fitness > 0 else 0.0, REACH * voxel
+    return verdict(
+        f"{fitness:.0%} of the points are within {far:.3g} m of the other scan, {close:.0%} of these within half",
+        (fitness >= _LEAST_FITNESS, f"{_LEAST_FITNESS:.0%}"),
+        (close >= _LEAST_CLOSE, f"{_LEAST_CLOSE:.0%} of these"),
+    )
+
+
+def judge_matches(agreeing: int, matches: int, least: int = _LEAST_MATCHES) -> MethodVerdict:
+    """By the number of matched features that agree with the transform."""
+    return verdict(f"{agreeing} of {matches} matched features agree", (agreeing >= least, str(least)))
+
+
+def overlap(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, reach: float) -> float:
+    """The share of points, one per voxel, with a counterpart within `reach` [m]; the smaller of both ways, 0..1."""
+    moved = T_target_source.apply(source.points)
+    back = T_target_source.inv().apply(target.points)
+    return min(_share(target, moved, reach), _share(source, back, reach))
+
+
+def _share(cloud: ThinnedCloud, points: np.ndarray, reach: float) -> float:
+    distance, _ = cloud.tree.query(points, distance_upper_bound=reach)
+    return float(np.isfinite(distance).mean())
+
+
+def covariance(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, voxel: float) -> np.ndarray:
+    """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
+
+    It is the inverse of the Gauss-Newton Hessian of the point-to-plane distances over their variance; a direction that
+    nothing fixes has the variance of the scan's own size. Errors that all points share, as by false neighbors, are not
+    seen: on simulated pairs the normalized squared error has a median of about 15 instead of 6.
+    """
+    moved = T_target_source.apply(source.points)
+    distance, nearest = target.tree.query(moved, distance_upper_bound=REACH * voxel)
+    near = np.isfinite(distance)
+    normals = target.normals[nearest[near]]
+    off = np.sum(normals * (moved[near] - target.points[nearest[near]]), axis=1)
+    # about the middle of the points: n . (R (w x p + v)) = w . (p x m) + v . m with m = R^T n
+    turned = T_target_source.rotation.inv().apply(normals) if len(normals) else normals
+    middle = source.points.mean(axis=0)
+    J = np.hstack([np.cross(source.points[near] - middle, turned), turned])
+    variance = max(float(np.mean(off**2)) if len(off) else 0.0, (_LEAST_SIGMA * voxel) ** 2)
+    extent = float(np.linalg.norm(np.ptp(source.points, axis=0)))
+    unknown = np.diag(np.repeat([np.pi, extent], 3) ** -2.0)
+    about_middle = np.linalg.inv(J.T @ J / (variance * _CORRELATED) + unknown)
+    shift = np.eye(6)  # adjoint of the translation from the source's sensor to the middle
+    shift[3:, :3] = np.cross(middle, np.eye(3)).T
+    moved_covariance = shift @ about_middle @ shift.T
+    return (moved_covariance + moved_covariance.T) / 2
