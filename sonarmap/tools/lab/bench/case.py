@@ -1,8 +1,7 @@
 """One kernel beside its twin: what each runs, what it moves, how close they must come.
 
-Bytes are those that the algorithm must move: each array that goes in or comes out once, valid elements only. A
-three-dimensional transform that no cache holds must go over its array twice: once along rows and columns, plane by
-plane, from the volume to the spectrum or back, and once along the first axis, in place.
+Bytes are those that the algorithm must move: valid elements of each array that goes in or comes out once. A transform
+in three dimensions that no cache holds goes over its array twice: along rows and columns, and along the first axis.
 """
 
 from collections.abc import Callable
@@ -13,10 +12,12 @@ import numpy as np
 
 from sonarmap.kernels.pomf.peak import Peak
 
-# Relative L2 difference to a twin that rounds as coarsely itself.
-FFT, ELEMENTWISE, WHITENED, RESAMPLED = 1e-6, 1e-6, 1e-5, 5e-5
-# Of the correlation that the translation is read from [voxels].
-BLUR = 0.7
+# Largest relative L2 difference from a twin in single precision
+FFT = 1e-6
+ELEMENTWISE = 1e-6
+WHITENED = 1e-5
+RESAMPLED = 5e-5
+BLUR = 0.7  # of the correlation that the translation is read from [voxels]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Every kernel's case, and how they are timed; a new case is a function of a `Workload` and a line here."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ from sonarmap.tools.lab.bench import resampling_cases as resampling
 from sonarmap.tools.lab.bench import rotation_cases as rotations
 from sonarmap.tools.lab.bench import spectra_cases as spectra
 from sonarmap.tools.lab.bench.case import KernelCase
-from sonarmap.tools.lab.bench.result import KernelResult
 from sonarmap.tools.lab.bench.stages import BUILDS, build_seconds, clocked
 from sonarmap.tools.lab.bench.timing import interleave, timed
 from sonarmap.tools.lab.bench.workload import Workload
@@ -40,41 +40,32 @@ CASES: tuple[Callable[[Workload], KernelCase], ...] = (
 )
 
 
-# Runs in which the device's own clock is read.
-_TRACED = 7
+_TRACED = 7  # runs in which the device's own clock is read
 
 
 def measure_kernels(
     device: Device, edges: Sequence[int], repeats: int, seed: int, cores: int, step: Callable[[str], None]
-) -> Iterator[KernelResult]:
-    """Every case on every edge.
+) -> Iterator[dict[str, Any]]:
+    """The rows of every case on grids of each edge, with `cores` threads for the twins; `step` is called after each.
 
-    Args:
-        device: what the kernels run on; the time of launches is known if it notes them.
-        edges: N, each.
-        repeats: how often each kernel is timed.
-        seed: of the input.
-        cores: threads that the twins may use.
-        step: called after each case with its name.
-
-    Raises:
-        DeviceError: the device cannot hold an array.
+    The time of launches is known if the device notes it. Raises DeviceError: the device cannot hold an array.
     """
     for edge in edges:
         workload = Workload(device, edge, cores, seed)
         for make in CASES:
             with clocked(BUILDS) as clock:
                 case = make(workload)
-            result = measure_case(case, device, edge, repeats, build_seconds(clock))
-            step(f"{result.name} at {edge}^3")
-            yield result
+            row = measure_case(case, device, edge, repeats, build_seconds(clock))
+            step(f"{case.name} at {edge}^3")
+            yield row
 
 
-def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, built_seconds: float = 0.0) -> KernelResult:
+def measure_case(
+    case: KernelCase, device: Device, edge: int, repeats: int, built_seconds: float = 0.0
+) -> dict[str, Any]:
     """Time one kernel, its twin and its peers in turns, then compare what they made in one more round.
 
-    Args:
-        built_seconds: how long its programs took to build, before [s].
+    Its row has seconds, bytes and bytes per second. Its programs took `built_seconds` to build before.
     """
     peers = case.peers()
 
@@ -94,25 +85,34 @@ def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, buil
     times, twin_times, *peer_times = interleave(run, [case.twin, *(peer.run for peer in peers)], repeats, restore)
     counts, kernel_seconds = _trace(case, device)
     case.restore()
-    return KernelResult(
-        name=case.name,
-        twin_name=case.twin_name,
-        edge=edge,
-        device=times,
-        twin=twin_times,
-        moved=case.moved,
-        error=relative_difference(case.read(run()), case.twin()),
-        tolerance=case.tolerance,
-        peers={peer.name: own for peer, own in zip(peers, peer_times, strict=True)},
-        compile_seconds=built_seconds + max(build_seconds(clock), first_seconds - times.median),
-        launches=counts.launches,
-        blocking_reads=counts.reads,
-        kernel_seconds=kernel_seconds,
-    )
+    error, median = relative_difference(case.read(run()), case.twin()), times.median
+    return {
+        "kernel": case.name,
+        "twin": case.twin_name,
+        "grid": edge,
+        "device_seconds": asdict(times),
+        "twin_seconds": asdict(twin_times),
+        "ratio": twin_times.median / median,
+        "bytes_moved": case.moved,
+        "rate": case.moved / median,
+        "error": error,
+        "tolerance": case.tolerance,
+        "right": error <= case.tolerance,  # not where the error is NaN
+        # what the first run took longer counts to compiling
+        "compile_seconds": built_seconds + max(build_seconds(clock), first_seconds - median),
+        "launches": counts.launches,
+        "blocking_reads": counts.reads,
+        "event_seconds": sum(kernel_seconds.values()) if kernel_seconds else None,
+        "kernel_seconds": kernel_seconds,
+        "peers": [
+            {"library": peer.name, "seconds": asdict(own), "ratio": own.median / median}
+            for peer, own in zip(peers, peer_times, strict=True)
+        ],
+    }
 
 
 def _trace(case: KernelCase, device: Device) -> tuple[Counts, dict[str, float]]:
-    """What a run asks of the device, and how long each of its kernels takes there, the median of some runs [s]."""
+    """What a run asks of the device, and the median seconds of each of its kernels there, if it notes times."""
     rounds: list[Counts] = []
     for _ in range(_TRACED):
         case.restore()

@@ -1,5 +1,5 @@
-"""Preparing scans and registering prepared pairs, timed in a process of its own, whose memory is then theirs alone, and
-some pairs once more on a device that notes times and counts its arrays: where time and memory go."""
+"""Preparing scans and registering pairs, timed in a process of its own, whose memory is then theirs alone; some pairs
+once more on a device that notes times and counts its arrays."""
 
 import gc
 from collections.abc import Callable, Sequence
@@ -26,10 +26,8 @@ from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 
-# So many of the pairs are traced, after one that does not count.
-_PAIRS = 8
-# Seconds per registration of the paper (Sect. 3: MATLAB, 2010), by voxels per edge.
-_PAPER_SECONDS = {128: 10.5, 256: 60.6}
+_TRACED_PAIRS = 8  # after one that does not count
+_PAPER_SECONDS = {128: 10.5, 256: 60.6}  # per registration, by voxels per edge (Sect. 3: MATLAB, 2010)
 
 
 def _trace(selector: str | None, grid: Grid, pairs: list[tuple[Scan, Scan]]) -> dict[str, Any]:
@@ -70,14 +68,13 @@ def _per_pair(stage: Stage, pairs: int) -> dict[str, Any]:
     return {"name": stage.name} | {name: float(total / pairs) for name, total in totals.items()}
 
 
-SimulatedPair = tuple[Scan, Scan, RigidTransform]
+SimulatedPair = tuple[Scan, Scan, RigidTransform]  # target, source, T_target_source
 
-# The paper's noise: variance of the range at the sensor's maximum range [m^2].
-_SIGMA2 = 1.0
+_SIGMA2 = 1.0  # the paper's noise: variance of the range at the sensor's maximum range [m^2]
 
 
 def simulate_pairs(count: int, seed: int, step: Callable[[str], None]) -> list[SimulatedPair]:
-    """Pairs of scans of different scenes: target, source, T_target_source; step is called after each."""
+    """Pairs of scans of different scenes; `step` is called after each."""
     pairs = []
     for n in range(count):
         pairs.append(random_pair(seed + n, noise=Noise(sigma2=_SIGMA2)))
@@ -90,29 +87,20 @@ def measure_pairs(
 ) -> dict[str, Any]:
     """Prepare and register every pair, in a spawned process: their row of the result.
 
-    Memory is that of the whole process and of all arrays on the device [bytes]; stages are per pair.
-
-    Args:
-        pairs: at least one, as from `simulate_pairs`.
-        edge: voxels per edge; the voxel is chosen so that all scans fit.
-        selector: of the device, as `choose_device` takes it.
-        step: called after each pair.
-
-    Raises:
-        SonarmapError: the scans or the device will not do.
-        DeviceError: the process was ended from outside, as where memory runs out.
+    Memory is that of the whole process and of all arrays on the device [bytes]; stages are per pair; `step` is called
+    after each. The voxel is chosen so that all scans fit. Raises SonarmapError: the scans or the device will not do.
     """
     grid = choose_grid((scan for pair in pairs for scan in pair[:2]), edge)
     with spawned(1) as pool:
         try:
-            # once for itself: kernels are compiled at their first launch
+            # the first time apart: kernels are compiled at their first launch
             first, _ = pool.submit(timed, _measure_pair, selector, grid, pairs[0]).result()
             measured: list[_Measured] = []
             for n, pair in enumerate(pairs):
                 measured.append(pool.submit(_measure_pair, selector, grid, pair).result())
                 step(f"pair {n + 1} at {grid.edge}^3")
             memory = pool.submit(peak_memory).result()
-            traced = pool.submit(_trace, selector, grid, [pair[:2] for pair in pairs[:_PAIRS]]).result()
+            traced = pool.submit(_trace, selector, grid, [pair[:2] for pair in pairs[:_TRACED_PAIRS]]).result()
         except BrokenProcessPool:
             raise DeviceError(
                 "the process that registers pairs was ended from outside, as happens where memory runs out. Use a "
@@ -137,7 +125,7 @@ def _with_longest(seconds: Sequence[float]) -> dict[str, float]:
     return asdict(times) | {"most_over_median": times.most_over_median}
 
 
-# Of a pair: seconds of preparing each scan, of registering them, whether the result is believed, whether it is right.
+# Of a pair: seconds of preparing each scan, of registering them, whether the result is accepted, whether it is right
 _Measured = tuple[list[float], float, bool, bool]
 
 

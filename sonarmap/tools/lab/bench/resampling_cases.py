@@ -81,13 +81,11 @@ def polar_magnitude_case(w: Workload) -> KernelCase:
     )
 
 
-# Of neighbors equally far one or the other makes the plane, and the point moves by a thousandth of a voxel.
-_EQUALLY_FAR = 1e-4
-_FARTHEST = 2.0
-# Distances of a voxel between numbers of a hundred voxels, in single precision.
-_DISTANCE = 1e-5
-# Bytes of a point among its cells, and of what is known of it.
-_POINT, _ELEMENT = 16, 48
+_EQUALLY_FAR = 1e-4  # tolerance: of two neighbors equally far, either may make the plane
+_FARTHEST = 2.0  # of a point from its plane [voxels]
+_DISTANCE = 1e-5  # tolerance of distances of a voxel between numbers of a hundred voxels
+_POINT_BYTES = 16  # of a point among its cells
+_ELEMENT_BYTES = 48  # of a surface element
 
 
 def nearest_case(w: Workload) -> KernelCase:
@@ -96,7 +94,7 @@ def nearest_case(w: Workload) -> KernelCase:
     return KernelCase(
         "find_nearest",
         "scipy.spatial.KDTree",
-        2 * _POINT * len(w.surface) + 8 * len(w.surface),
+        2 * _POINT_BYTES * len(w.surface) + 8 * len(w.surface),
         _DISTANCE,
         run=lambda: find_nearest(w.device, cells, places, SMALL_TURN[None], SMALL_SHIFT[None], w.edge)[0],
         read=lambda result: result[0],
@@ -109,7 +107,7 @@ def planes_case(w: Workload) -> KernelCase:
     return KernelCase(
         "fit_planes",
         "scipy.spatial.KDTree, eigh",
-        _POINT * len(w.surface) + _ELEMENT * len(w.surface),
+        (_POINT_BYTES + _ELEMENT_BYTES) * len(w.surface),
         _EQUALLY_FAR,
         run=lambda: fit_planes(w.device, cells, np.eye(3), np.empty((0, 3)), farthest=_FARTHEST, aside=1.0),
         read=lambda result: result.get()[:, :3],

@@ -9,19 +9,15 @@ from sonarmap.kernels.points.visibility import Viewing, agreement, upload_points
 from sonarmap.kernels.pomf.correlator import Correlator, Pose
 from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
 from sonarmap.tools.lab.bench import twins
-from sonarmap.tools.lab.bench.case import (
-    BLUR,
-    KernelCase,
-    peak_numbers,
-)
-from sonarmap.tools.lab.bench.workload import BANDWIDTH, R, Workload
+from sonarmap.tools.lab.bench.case import BLUR, KernelCase, peak_numbers
+from sonarmap.tools.lab.bench.workload import BANDWIDTH, SHIFT, R, Workload
 
-# How far roll and pitch of 35 degrees carry the z axis.
+# Angle by which roll and pitch of 35 degrees turn the z axis [rad]
 _LARGEST = float(np.arccos(np.cos(np.deg2rad(35)) ** 2))
 _SEGMENTS = 4
-_REACH, _SLOPE = 1.5, 0.03
-# A point on a cell's border falls to one side here and to the other there: some ten of a million.
-_BORDERS = 1e-3
+_REACH = 1.5  # [voxels]
+_SLOPE = 0.03
+_BORDERS = 1e-3  # tolerance: points on a cell's border fall to either side, some ten of a million
 
 
 def correlate_rotations_case(w: Workload) -> KernelCase:
@@ -81,8 +77,7 @@ def wigner_table(betas: np.ndarray) -> np.ndarray:
     return table
 
 
-# Relative L2 difference: two transforms and a whitening, all in single precision on either side.
-_TWICE_TRANSFORMED = 1e-4
+_TWICE_TRANSFORMED = 1e-4  # tolerance of two transforms and a whitening in single precision
 
 
 def find_case(w: Workload) -> KernelCase:
@@ -100,7 +95,7 @@ def find_case(w: Workload) -> KernelCase:
 
 def near_case(w: Workload) -> KernelCase:
     correlator, points, target = _given(w)
-    shift = np.array([w.shift])
+    shift = np.array([SHIFT])
     return KernelCase(
         "Correlator.near",
         "scipy.fft, NumPy, 27 voxels",

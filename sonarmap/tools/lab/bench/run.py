@@ -1,25 +1,40 @@
-"""A whole benchmark: the copy rate, the kernels, the pairs."""
+"""A whole benchmark: the copy rate, the kernels, the pairs, a survey mapped from files to files.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+Its result is the one object that `sonarmap bench --json` prints. Other programs read it: names stay.
+"""
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass, replace
 from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.processes import spawned
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.files.inputs import package_versions
-from sonarmap.tools.lab.bench.copying import measure_copy_rate
+from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
-from sonarmap.tools.lab.bench.machine import count_cores, load_average, processor_name
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
-from sonarmap.tools.lab.bench.peers import peer_versions
-from sonarmap.tools.lab.bench.result import KernelResult
-from sonarmap.tools.lab.bench.survey import Command, measure_survey
+from sonarmap.tools.lab.bench.spectra_cases import peer_versions
+from sonarmap.tools.lab.bench.stages import SURVEY_STAGES, clocked
+from sonarmap.tools.lab.bench.timing import count_cores, load_average, measure_copy_rate, processor_name
+from sonarmap.tools.lab.simulate.folder import write_simulation
+from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.simulation import simulate
 from sonarmap.tools.lab.terminal import Follow
 
+Command = Callable[[Sequence[str]], object]
+SCENE = "floodgate"
+_OTHER = "all else"
 _RATE_REPEATS = 5
 
 
@@ -36,16 +51,10 @@ class BenchPlan:
 
 
 def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Command) -> dict[str, Any]:
-    """Measure on one device; the result as `result.py` says, with numbers of any kind.
+    """Measure on one device, which `choose_device` selects; numbers are of any kind.
 
-    Args:
-        selector: of the device, as `choose_device` takes it.
-        follow: reports the progress.
-        command: as `measure_survey` takes it.
-
-    Raises:
-        InputError: an edge is not a grid's, or nothing is left to measure.
-        DeviceError: there is no such device, or it is too small.
+    `command` runs `sonarmap` with arguments in its own process; it is a function of a module. Raises InputError: an
+    edge is not a grid's, or nothing is left to measure; DeviceError: there is no such device, or it is too small.
     """
     for edge in plan.edges:
         Grid(edge, 1.0)
@@ -59,7 +68,7 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
     device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
     cores, before = count_cores(), load_average()
     rates = measure_copy_rate(device, _RATE_REPEATS)
-    kernels: list[KernelResult] = []
+    kernels: list[dict[str, Any]] = []
     if plan.kernels:
         with follow("timing kernels", len(plan.edges) * len(CASES)) as step:
             kernels += measure_kernels(device, plan.edges, plan.repeats, plan.seed, cores, step)
@@ -76,7 +85,7 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
         "seed": plan.seed,
         "repeats": plan.repeats,
         "copy_rate": copy_rate,
-        "kernels": [kernel.row(copy_rate) for kernel in kernels],
+        "kernels": [row | {"rate_over_copy_rate": row["rate"] / copy_rate} for row in kernels],
         "pairs": pairs,
         "survey": survey,
     }
@@ -87,3 +96,40 @@ def _pairs(selector: str | None, plan: BenchPlan, follow: Follow) -> list[dict[s
         simulated = simulate_pairs(plan.pairs, plan.seed, step)
     with follow("registering pairs", len(plan.edges) * plan.pairs) as step:
         return [measure_pairs(simulated, edge, selector, step) for edge in plan.edges]
+
+
+def measure_survey(count: int, seed: int, selector: str | None, follow: Follow, command: Command) -> dict[str, Any]:
+    """Simulate `count` scans of a lawn mower and map them in a new process with nothing but defaults.
+
+    The result has the seconds from reading the files to the last file written, each stage's own seconds, and the memory
+    of the process [bytes]. Raises SonarmapError: the survey cannot be mapped.
+    """
+    with TemporaryDirectory() as folder:
+        with follow("simulating a survey", count) as step:
+            settings = replace(plan(SCENE, "lawnmower", None, seed), count=count)
+            simulation = simulate(settings, progress=lambda done: step(f"scan {done}"))
+        write_simulation(simulation, Path(folder) / "scans")
+        with follow("mapping the survey", 1) as step, spawned(1) as pool:
+            result = pool.submit(_map, Path(folder), selector, command).result()
+            step(f"{count} scans")
+    return result
+
+
+def _map(folder: Path, selector: str | None, command: Command) -> dict[str, Any]:
+    """In a new process: map the scans of a folder."""
+    arguments = ["map", str(folder / "scans"), "-o", str(folder / "map"), "--json"]
+    arguments += ["--device", selector] if selector else []
+    with clocked(SURVEY_STAGES) as clock, redirect_stdout(io.StringIO()):
+        start = perf_counter()
+        command(arguments)  # scans in several parts end it with another code, which is no matter here
+        seconds = perf_counter() - start
+    times = json.loads((folder / "map" / "times.json").read_text(encoding="utf-8"))
+    stages = {stage.name: stage.own_seconds for stage in clock.stages.values() if stage.calls}
+    return {
+        "scans": len(list((folder / "scans").glob("scan_*.ply"))),
+        "pairs": len(times["pairs"]),
+        "seconds": seconds,
+        "prepared": clock.stages["preparing scans"].calls,
+        "stages": stages | {_OTHER: seconds - sum(stages.values())},
+        "peak_memory": peak_memory(),
+    }

@@ -1,6 +1,6 @@
 """A benchmark's result for people, at a terminal."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -9,60 +9,43 @@ from rich.text import Text
 from sonarmap.tools.lab.terminal import plain_table
 
 Row = Mapping[str, Any]
-Columns = Mapping[str, Callable[[Row], str]]
+Columns = Mapping[str, Callable[[Row], str]]  # heading -> the cell of a row
 
 
-def number(name: str, form: str, scale: float = 1) -> Callable[[Row], str]:
+def number(name: str, form: str = "", scale: float = 1) -> Callable[[Row], str]:
     """A cell with a number of the row in a format, "" where it is None."""
     return lambda row: "" if row[name] is None else f"{scale * row[name]:{form}}"
 
 
-def milliseconds(name: str, form: str = "{} [{}..{}]") -> Callable[[Row], str]:
+def milliseconds(name: str) -> Callable[[Row], str]:
     """A cell with median and quartiles of the row's times."""
     parts = ("median", "first_quartile", "third_quartile")
-    return lambda row: form.format(*(f"{1e3 * row[name][part]:.3g}" for part in parts))
+    return lambda row: "{} [{}..{}]".format(*(f"{1e3 * row[name][part]:.3g}" for part in parts))
 
 
-def cells(columns: Columns, rows: Iterable[Row]) -> list[list[str]]:
-    """The rows' cells."""
-    return [[make(row) for make in columns.values()] for row in rows]
+def gibibytes(name: str) -> Callable[[Row], str]:
+    """A cell with a memory of the row."""
+    return lambda row: f"{row[name] / 2**30:.2f} GiB"
 
 
-def of_memory(name: str, form: str = "{}") -> Callable[[Row], str]:
-    """A cell with a memory of the row in GiB."""
-    return lambda row: form.format(f"{row[name] / 2**30:.2f}")
+def cells(columns: Columns, row: Row) -> list[str]:
+    """The row's cells."""
+    return [make(row) for make in columns.values()]
 
 
-# How fast a kernel is.
-RATES: Columns = {
-    "GB/s": number("rate", ".1f", 1e-9),
-    "of copying": number("rate_over_copy_rate", ".0%"),
-    "difference": number("error", ".1e"),
-}
-# What a stage asks of the device.
-REQUESTS: Columns = {
-    "launches": number("launches", ".1f"),
-    "reads": number("reads", ".1f"),
-    "uploads": number("writes", ".1f"),
-    "arrays MB": number("array_bytes", ".0f", 1e-6),
-}
-
-
-def survey_rows(survey: Row) -> Iterator[Row]:
-    """The stages of a survey, the longest first."""
-    for name, seconds in sorted(survey["stages"].items(), key=lambda stage: -stage[1]):
-        yield {"stage": name, "s": seconds, "share": seconds / survey["seconds"], "scan": seconds / survey["scans"]}
-
-
-_TIMES: Columns = {
+_KERNEL: Columns = {
+    "kernel": lambda row: row["kernel"],
     "device ms": milliseconds("device_seconds"),
     "event ms": number("event_seconds", ".3g", 1e3),
     "compile s": number("compile_seconds", ".2f"),
     "twin ms": milliseconds("twin_seconds"),
+    "twin/device": number("ratio", ".2f"),
+    "GB/s": number("rate", ".1f", 1e-9),
+    "of copying": number("rate_over_copy_rate", ".0%"),
+    "difference": number("error", ".1e"),
 }
-_KERNEL: Columns = {"kernel": lambda row: row["kernel"], **_TIMES, "twin/device": number("ratio", ".2f"), **RATES}
 _PAIR_TIMES: Columns = {
-    "count": number("count", ""),
+    "count": number("count"),
     "median": number("median", ".3f"),
     "quartiles": lambda times: f"[{times['first_quartile']:.3f}..{times['third_quartile']:.3f}]",
     "min": number("least", ".3f"),
@@ -73,9 +56,9 @@ _PAIR: Columns = {
     "paper": number("paper_seconds", "g"),
     "right": lambda row: f"{row['right']}/{row['register_seconds']['count']}",
     "believed": lambda row: f"{row['accepted']}/{row['register_seconds']['count']}",
-    "memory": of_memory("peak_memory", "{} GiB"),
-    "on device": of_memory("device_memory", "{} GiB"),
-    "planned": of_memory("planned_memory", "{} GiB"),
+    "memory": gibibytes("peak_memory"),
+    "on device": gibibytes("device_memory"),
+    "planned": gibibytes("planned_memory"),
     "first": number("first_seconds", ".1f"),
 }
 _STAGE: Columns = {
@@ -84,13 +67,10 @@ _STAGE: Columns = {
     "ms": number("seconds", ".1f", 1e3),
     "of these own": number("own_seconds", ".1f", 1e3),
     "device ms": number("device_seconds", ".1f", 1e3),
-    **REQUESTS,
-}
-_SURVEY: Columns = {
-    "stage": lambda row: row["stage"],
-    "s": number("s", ".2f"),
-    "share": number("share", ".1%"),
-    "ms a scan": number("scan", ".1f", 1e3),
+    "launches": number("launches", ".1f"),
+    "reads": number("reads", ".1f"),
+    "uploads": number("writes", ".1f"),
+    "arrays MB": number("array_bytes", ".0f", 1e-6),
 }
 
 
@@ -109,14 +89,14 @@ def describe(result: Row) -> RenderableType:
         parts += [Text("\nsimulated pairs, seconds"), plain_table(headings, lines)]
     for row in pairs:
         parts += [Text(f"\nwhere a pair's time goes at {row['grid']}^3, with two scans prepared")]
-        parts += [plain_table([*_STAGE], cells(_STAGE, row["stages"]))]
+        parts += [plain_table([*_STAGE], [cells(_STAGE, stage) for stage in row["stages"]])]
     if survey:
         words = (
             f"a survey of {survey['scans']} scans: {survey['seconds']:.1f} s, "
             f"{survey['seconds'] / survey['scans']:.2f} s a scan; {survey['pairs']} pairs, "
             f"scans prepared {survey['prepared']} times, {survey['peak_memory'] / 2**30:.2f} GiB"
         )
-        parts += [Text(f"\n{words}"), plain_table([*_SURVEY], cells(_SURVEY, survey_rows(survey)))]
+        parts += [Text(f"\n{words}"), plain_table(("stage", "s", "share", "ms a scan"), _survey_lines(survey))]
     return Group(*parts)
 
 
@@ -139,7 +119,7 @@ def _pair_words(row: Row) -> str:
 
 def _kernel_lines(row: Row) -> Iterator[list[str | Text]]:
     """The kernel's, and those of other libraries."""
-    line: list[str | Text] = [*cells(_KERNEL, [row])[0], row["twin"]]
+    line: list[str | Text] = [*cells(_KERNEL, row), row["twin"]]
     if not row["right"]:
         line[-5:-1] = ["-", "-", "-", Text(f"WRONG {row['error']:.1e}", "bold red")]
     yield line
@@ -149,5 +129,12 @@ def _kernel_lines(row: Row) -> Iterator[list[str | Text]]:
 
 def _pair_lines(row: Row) -> Iterator[list[str]]:
     grid = f"{row['grid']}^3"
-    yield [f"{grid} prepare a scan", *cells(_PAIR_TIMES, [row["prepare_seconds"]])[0], *[""] * len(_PAIR)]
-    yield [f"{grid} register a pair", *cells(_PAIR_TIMES, [row["register_seconds"]])[0], *cells(_PAIR, [row])[0]]
+    yield [f"{grid} prepare a scan", *cells(_PAIR_TIMES, row["prepare_seconds"]), *[""] * len(_PAIR)]
+    yield [f"{grid} register a pair", *cells(_PAIR_TIMES, row["register_seconds"]), *cells(_PAIR, row)]
+
+
+def _survey_lines(survey: Row) -> Iterator[list[str]]:
+    """The stages, the longest first."""
+    for name, seconds in sorted(survey["stages"].items(), key=lambda stage: -stage[1]):
+        share, scan = seconds / survey["seconds"], seconds / survey["scans"]
+        yield [name, f"{seconds:.2f}", f"{share:.1%}", f"{1e3 * scan:.1f}"]

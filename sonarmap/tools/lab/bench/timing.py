@@ -1,18 +1,22 @@
-"""Time things that do the same, taking turns, and sum the times up."""
+"""Times of calls that take turns, the machine that they belong to, and the rate at which its device copies."""
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from time import perf_counter
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+
+from sonarmap.kernels.device.device import Device
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# A slow twin is run less often: about this long in all [s], but at least so many times.
-_TWIN_SECONDS = 5.0
-_FEWEST = 3
+_TWIN_SECONDS = 5.0  # that a slow twin takes in all, about
+_FEWEST = 3  # runs of a slow twin
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +32,12 @@ class Times:
 
     @property
     def most_over_median(self) -> float:
-        """How far the slowest stands out: 1 where the time is fixed."""
+        """1 where the time is fixed."""
         return self.most / self.median
 
 
 def summarize(seconds: Sequence[float]) -> Times:
-    """Median, quartiles (interpolated between neighbors) and ends of at least one duration."""
+    """Of at least one duration."""
     least, first, median, third, most = np.quantile(seconds, [0, 0.25, 0.5, 0.75, 1]).tolist()
     return Times(len(seconds), median, first, third, least, most)
 
@@ -51,18 +55,10 @@ def interleave(
     repeats: int,
     restore: Callable[[], object] = lambda: None,
 ) -> list[Times]:
-    """The times of calls that take turns, so that whatever else the machine does meets all alike.
+    """The times of calls that take turns, so that other work of the machine slows all of them, in their order.
 
-    Each is called once before, untimed: memory is touched for the first time then.
-
-    Args:
-        first: called `repeats` times.
-        others: called as often, or less where that would take long; their turns are spread over the first's.
-        repeats: at least 1.
-        restore: what puts the inputs back that the calls overwrite; called before every round, untimed.
-
-    Returns:
-        The times of the first and of the others, in their order.
+    The first is called `repeats` times, the others less often if they are slow. Each is called once before, untimed,
+    and `restore` puts back what calls overwrite of their input before every round.
     """
     restore()
     first()
@@ -75,3 +71,62 @@ def interleave(
             if (n + 1) * share // repeats > n * share // repeats:
                 times.append(timed(call)[0])
     return [summarize(times) for times in seconds]
+
+
+def processor_name() -> str:
+    """The host's, as the system gives it; "" where it does not."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+
+
+def count_cores() -> int:
+    """Cores that this process may use: fewer than the machine has where it is bound to some."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def load_average() -> float | None:
+    """Runnable processes over the last minute, this one's own threads among them; None where not known."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+
+
+# On PoCL faster than the driver's own copy, which uses one core
+_SOURCE = """
+__kernel void copy(__global const float4* const restrict from, __global float4* const restrict to) {
+    to[get_global_id(0)] = from[get_global_id(0)];
+}
+"""
+_LANES = 4
+_GROUP = 256
+MAX_BYTES = 2**27  # of the array that is copied, far more than any cache
+
+
+def copier(device: Device, source: np.ndarray) -> Callable[[], Any]:
+    """A call that copies a float32 array whose size is a multiple of 1024 on the device, and returns the copy."""
+    kernel = _kernel(device)
+    given, copy = device.to_device(source), device.empty(source.shape)
+
+    def run() -> Any:
+        kernel(device.queue, (source.size // _LANES,), (_GROUP,), given.data, copy.data)
+        return copy
+
+    return run
+
+
+def measure_copy_rate(device: Device, repeats: int) -> list[float]:
+    """The rates of some copies, reads and writes both counted [bytes/s]."""
+    limit = min(MAX_BYTES, device.cl_device.max_mem_alloc_size, device.cl_device.global_mem_size // 8)
+    size = 2 ** (int(limit).bit_length() - 1)
+    copy = copier(device, np.ones(size // 4, np.float32))
+
+    def run() -> None:
+        copy()
+        device.queue.finish()
+
+    run()
+    return [2 * size / timed(run)[0] for _ in range(repeats)]
+
+
+@lru_cache(maxsize=1)
+def _kernel(device: Device) -> Any:
+    return device.build(_SOURCE, name="copy").copy

@@ -10,33 +10,25 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.tools.lab.bench import twins
 
-# A rotation about no axis of the grid.
+# A rotation about no axis of the grid
 R: np.ndarray = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
-# A pose that is nearly right, as a refinement begins with [rotation; voxels].
+# A pose that is nearly right, as a refinement begins with
 SMALL_TURN: np.ndarray = Rotation.from_rotvec([0.02, -0.01, 0.03]).as_matrix()
-SMALL_SHIFT = np.array([0.4, -0.7, 0.3])
-# Sect. 2.8 of the paper: radii of the layers, as shares of N/2; one layer per frequency bin.
-_LAYERS = (0.2, 0.8)
-# What a registration correlates over all rotations, on any grid: degrees below 48 of 20 layers.
-BANDWIDTH, SPHERES = 48, 20
-# The range image of a scan, and what is put into it: cells per edge, points, poses.
-_CELLS, _SEEN, _POSES = 128, 1500, 700
-# As many points as a sensor of 256 x 192 beams gives.
-_POINTS = 256 * 192
+SMALL_SHIFT = np.array([0.4, -0.7, 0.3])  # [voxels]
+_LAYERS = (0.2, 0.8)  # radii of the layers, as shares of N/2 (Sect. 2.8 of the paper); one layer per frequency bin
+SHIFT = (3, -7, 5)  # of a source against its target [voxels]
+BANDWIDTH = 48  # of what a registration correlates over all rotations, on any grid
+SPHERES = 20
+_CELLS = 128  # per edge of a scan's range image
+_SEEN = 1500  # points that are put into it
+_POSES = 700
+_POINTS = 256 * 192  # as a sensor of 256 x 192 beams gives
 
 
 class Workload:
-    """Arrays on the host, each made at its first use, and ways to the device.
-
-    Attributes:
-        device: what the kernels run on.
-        edge: N, voxels per edge.
-        cores: threads that the twins may use.
-        volume_bytes, half_bytes: of a real volume and of its half spectrum.
-    """
+    """Arrays on the host, each made at its first use, and their upload; N is the number of voxels per edge."""
 
     def __init__(self, device: Device, edge: int, cores: int, seed: int) -> None:
-        """Nothing is computed before it is asked for."""
         self.device, self.edge, self.cores, self._seed = device, edge, cores, seed
         self.volume_bytes, self.half_bytes = 4 * edge**3, 8 * edge**2 * (edge // 2 + 1)
 
@@ -63,7 +55,7 @@ class Workload:
     def whitened(self) -> tuple[np.ndarray, np.ndarray]:
         """Two half spectra (N, N, N/2 + 1) complex64: a target, and a source that is it shifted, with noise."""
         noise = self.rng(1).standard_normal(self.volume.shape, dtype=np.float32)
-        target = np.roll(self.volume, (3, -7, 5), axis=(0, 1, 2)) + noise
+        target = np.roll(self.volume, SHIFT, axis=(0, 1, 2)) + noise
         return twins.prepare(target, self.cores), twins.prepare(self.volume, self.cores)
 
     @cached_property
@@ -78,25 +70,17 @@ class Workload:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(n, 4) float32: points [voxels from the center] and weights; `R` turns none onto a voxel's wall.
-
-        Rounding would else put a few into the neighbor, on the device or in the twin.
-        """
+        """(n, 4) float32: points [voxels from the center] and weights; `R` turns none onto a voxel's wall."""
         rng = self.rng(3)
         voxels = rng.integers(0, self.edge, (_POINTS, 3)) - self.edge // 2
         turned = voxels + rng.uniform(-0.45, 0.45, (_POINTS, 3))
         return np.column_stack([turned @ R, rng.uniform(0.1, 1.0, _POINTS)]).astype(np.float32)
 
-    @property
-    def shift(self) -> tuple[int, int, int]:
-        """Where a correlation of `shifted` with the points under `R` has its peak [voxels]."""
-        return 3, -7, 5
-
     @cached_property
     def shifted(self) -> np.ndarray:
-        """(N, N, N/2 + 1) complex64, the whitened half spectrum of the points under `R`, moved by `shift`."""
+        """(N, N, N/2 + 1) complex64, the whitened half spectrum of the points under `R`, moved by SHIFT."""
         volume = twins.voxelize(self.points, R, np.empty((self.edge,) * 3, np.float32))
-        return twins.prepare(np.roll(volume, self.shift, axis=(0, 1, 2)), self.cores)
+        return twins.prepare(np.roll(volume, SHIFT, axis=(0, 1, 2)), self.cores)
 
     @cached_property
     def surface(self) -> np.ndarray:
@@ -111,7 +95,7 @@ class Workload:
 
     @cached_property
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of real layers, twice (BANDWIDTH / 2, SPHERES, 2 BANDWIDTH - 1) complex64, a target's and a source's."""
+        """Of real layers, a target's and a source's: (BANDWIDTH / 2, SPHERES, 2 BANDWIDTH - 1) complex64 each."""
         rng, orders = self.rng(4), np.arange(1 - BANDWIDTH, BANDWIDTH)
         normal = rng.standard_normal((2, BANDWIDTH // 2, SPHERES, len(orders), 2), dtype=np.float32)
         half = normal @ np.array([1, 1j], np.complex64)

@@ -31,7 +31,7 @@ from tests.samples.places import ROOT
 def few() -> Iterator[None]:
     """Rates of memory, which take seconds, by arrays that are quickly moved; and two kernels of all."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sonarmap.tools.lab.bench.copying.MAX_BYTES", 2**20)
+        patch.setattr("sonarmap.tools.lab.bench.timing.MAX_BYTES", 2**20)
         for module in ("run", "kernels"):
             patch.setattr(f"sonarmap.tools.lab.bench.{module}.CASES", (real_forward_case, magnitude_case))
         yield
@@ -72,16 +72,16 @@ class TestKernels:
         monkeypatch.setattr("sonarmap.tools.lab.bench.kernels.CASES", CASES)
         results = list(measure_kernels(device, [edge], 2, 5, 2, lambda _: None))
         assert len(results) == len(CASES)
-        assert {result.name: result.error for result in results if not result.right} == {}
-        assert all(result.moved > 0 and result.launches > 0 for result in results)
+        assert {result["kernel"]: result["error"] for result in results if not result["right"]} == {}
+        assert all(result["bytes_moved"] > 0 and result["launches"] > 0 for result in results)
 
     def test_a_wrong_kernel_is_told(self, device: Device) -> None:
         case = real_forward_case(Workload(device, 16, 1, 0))
-        assert measure_case(case, device, 16, 1).right
+        assert measure_case(case, device, 16, 1)["right"]
         off = replace(case, read=lambda result: case.read(result) * np.float32(1 + 1e-4))
-        assert not measure_case(off, device, 16, 1).right
+        assert not measure_case(off, device, 16, 1)["right"]
         broken = replace(case, read=lambda result: case.read(result) * np.nan)
-        assert not measure_case(broken, device, 16, 1).right
+        assert not measure_case(broken, device, 16, 1)["right"]
         assert relative_difference(np.ones(3), np.ones(4)) == np.inf
 
     def test_the_workload_depends_on_the_seed_alone(self, device: Device) -> None:
