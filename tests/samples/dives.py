@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.paths.routes import survey_path
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.routes import survey_path
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.recordings import PIXEL, SPEED, PacketOf, packets_of, range_image, stamp_at, strength_image
 
 NOISE = Noise(sigma2=0.0025, outliers=0.01, dropouts=0.05)

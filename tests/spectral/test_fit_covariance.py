@@ -18,7 +18,7 @@ from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.verifier import Observability
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
-from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair
+from sonarmap.tools.lab.simulate.random_pairs import evaluation_pair
 from tests.samples.scenes.structures import registered
 
 T_TARGET_SOURCE = RigidTransform.from_components([2.0, -3.0, 1.5], Rotation.from_euler("ZYX", [8, 3, -4], degrees=True))

@@ -10,8 +10,8 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere import HemisphereConfig, HemisphereRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.reproduce.structures import occupy, surface_points, voxel_scan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
 from tests.samples.refusals import refuses
 from tests.samples.scenes.structures import TURN, assert_near, difference, moved, registered, structure
 

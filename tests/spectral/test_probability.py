@@ -15,7 +15,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.verifier import Observability
-from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_unrelated
+from sonarmap.tools.lab.simulate.random_pairs import evaluation_unrelated
 from tests.samples.scenes.structures import registered
 
 GRID = Grid(128, 0.5)

@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
+from sonarmap.tools.lab.simulate.random_pairs import random_pair
 
 FEW = ("hemisphere", "icp")
 

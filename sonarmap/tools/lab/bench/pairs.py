@@ -23,7 +23,7 @@ from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES, Stage, clocked
 from sonarmap.tools.lab.bench.timing import summarize, timed
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
-from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
+from sonarmap.tools.lab.simulate.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 
 _TRACED_PAIRS = 8  # after one that does not count

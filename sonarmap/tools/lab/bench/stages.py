@@ -16,8 +16,7 @@ from typing import Any
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.trace import Counts, everywhere, tracing
 
-# "module:name" or "module:Class.name" -> what the stage is called, the same where work is queued first and read later.
-# Whatever runs within a stage and is none itself counts to it.
+# "module:name" or "module:Class.name" -> the stage's name, the same where work is queued first and read later.
 PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.registration:SpectralRegistrar.prepare": "prepare",
     "sonarmap.spectral.prepare.prepared:Preparer.prepare": "prepare: voxels, spectrum",
@@ -71,15 +70,10 @@ class Stage:
 
 
 class StageClock:
-    """Times the stages, each called within the one before it on its thread.
-
-    Attributes:
-        stages: by name, in the order in which they began first; "" is what ran in none.
-    """
+    """Times the stages, each called within the one before it on its thread."""
 
     def __init__(self) -> None:
-        """No stage has run."""
-        self.stages: dict[str, Stage] = {}
+        self.stages: dict[str, Stage] = {}  # by name, in the order in which they began first; "" is what ran in none
         self._open: dict[int, list[tuple[Stage, float, list[float]]]] = {}
 
     def counts(self) -> Counts:
@@ -114,15 +108,7 @@ class StageClock:
 
 @contextmanager
 def clocked(stages: Mapping[str, str], device: Device | None = None) -> Iterator[StageClock]:
-    """Time the stages while the block runs, and count what they ask of a device.
-
-    Args:
-        stages: as PAIR_STAGES.
-        device: whose launches and transfers count; None for none.
-
-    Raises:
-        AttributeError: there is no such function any more.
-    """
+    """Time stages, as of PAIR_STAGES, while the block runs, and count what they ask of a device, if one is given."""
     clock = StageClock()
     with ExitStack() as stack:
         for place, name in stages.items():
@@ -141,10 +127,7 @@ def build_seconds(clock: StageClock) -> float:
 def places(place: str) -> list[tuple[Any, str, Callable[..., Any]]]:
     """Where a function of "module:name" or "module:Class.name" stands: owner, attribute, function.
 
-    A method stands in its class; a function in its module, and in every module that has imported it.
-
-    Raises:
-        AttributeError: there is none.
+    A function stands in its module and in every module that has imported it. Raises AttributeError: there is none.
     """
     module, _, path = place.partition(":")
     owner: Any = importlib.import_module(module)

@@ -119,12 +119,8 @@ def polar_magnitude(spectrum: np.ndarray, radii: np.ndarray, angles: np.ndarray,
 def correlate_rotations(
     target: np.ndarray, source: np.ndarray, wigner: np.ndarray, edge: int, cores: int
 ) -> np.ndarray:
-    """The correlation over rotations (betas + 1, edge, edge), the last image 0.
-
-    Args:
-        target, source: (degrees, L, 2 bandwidth - 1) complex64.
-        wigner: (degrees, betas, 2 bandwidth - 1, bandwidth) float32, from the order 0 on along the last axis.
-    """
+    """The correlation over rotations (betas + 1, edge, edge), the last image 0, of (degrees, L, 2 bandwidth - 1)
+    coefficients; `wigner` (degrees, betas, 2 bandwidth - 1, bandwidth) begins with the order 0 along the last axis."""
     bandwidth = wigner.shape[3]
     products = target.transpose(0, 2, 1) @ source[:, :, bandwidth - 1 :].conj()
     spectrum = np.zeros((wigner.shape[1] + 1, edge, edge // 2 + 1), np.complex64)

@@ -73,8 +73,7 @@ def reference_of(path: Path) -> Reference:
 
     description = path / DESCRIPTION if path.is_dir() else path
     if description.suffix.lower() == ".json":
-        from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-        from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+        from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 
         settings = read_settings(description)
         mesh = build_scene(settings.scene, settings.seed).mesh

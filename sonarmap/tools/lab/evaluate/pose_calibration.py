@@ -12,8 +12,9 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.geometry import twist
 
 LEVEL = 0.95  # of the ellipsoids
-# Where so few positions are in their ellipsoids, and a shift of all is so many times what is left, frames differ.
-_FEW, _APART = 0.2, 5.0
+# Frames differ where few positions are in their ellipsoids, and one shift of all is most of the error
+_FEW = 0.2  # share of the positions
+_APART = 5.0  # shift over the root mean square of the other errors
 FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below it, any measured prior above
 
 
@@ -67,19 +68,11 @@ def calibrate_poses(
     covariances: np.ndarray,
     unmeasured: Collection[str] = (),
 ) -> PoseCalibration | None:
-    """Compare the errors of N poses with their covariances; None if there is no pose but the anchor.
+    """Compare the errors of N poses with their covariances; None if there is no pose but the first, the anchor.
 
-    Args:
-        T_world_sensor: N estimated poses, the first of them the anchor.
-        truth: their N true poses.
-        covariances: (N, 6, 6), rotation first [rad, m], body tangent: T_true = T_estimate Exp(xi), relative to the
-            anchor, whose own covariance is then close to zero.
-        unmeasured: what instruments left open of the poses in the world (`slam.graph.gauge.MEASURED`).
-
-    The tangent is the full one of SE(3), as GTSAM's.
-
-    Raises:
-        InputError: a covariance is singular.
+    The covariances (N, 6, 6), rotation first [rad, m], are of the tangent of SE(3), T_true = T_estimate Exp(xi), and
+    relative to the anchor, whose own is then close to zero; `unmeasured` is what instruments left open of the poses in
+    the world (`slam.graph.gauge.MEASURED`). Raises InputError: a covariance is singular.
     """
     fixed = bool(np.sqrt(np.diag(covariances[0]).max()) < FIXED)
     if fixed and len(covariances) == 1:

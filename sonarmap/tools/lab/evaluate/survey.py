@@ -58,14 +58,9 @@ class PairScore:
 
 
 def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:
-    """Compare pairs with the truth: right is what `PairError.is_right` says.
+    """Compare tried pairs with the truth, T_world_sensor by the scans' indices, as of `PairError.is_right`.
 
-    Recall is among the pairs that were tried: a place that was revisited and never tried is not missed here.
-
-    Args:
-        pairs: as they were tried.
-        truth: T_world_sensor of the scans that have a true pose, by index.
-        voxel: edge of the voxels on which they were registered [m].
+    Recall is among the pairs that were tried. The voxel is that of their registration [m].
     """
     counts = Counter(_outcome(pair, truth, voxel) for pair in pairs)
     return PairScore(*(counts[field.name] for field in fields(PairScore)))
@@ -144,11 +139,9 @@ class _Summary(_Finite):
 
 
 def read_summary(path: Path) -> SurveySummary:
-    """Read a summary.json of `sonarmap map` and the pairs.csv beside it, without what an evaluation does not need.
+    """Read what an evaluation needs of a summary.json of `sonarmap map` and the pairs.csv beside it.
 
-    Raises:
-        InputError: the file is missing, is not JSON, or is not the summary of a survey; or its pairs.csv is missing, or
-            damaged, or of another map.
+    Raises InputError: a file is missing or damaged, the first is no summary of a survey, the other is of another map.
     """
     content = read_json(path, "the summary.json of `sonarmap map`")
     if isinstance(content, dict) and isinstance(content.get("pairs"), list):
@@ -200,12 +193,7 @@ def _covariances(scans: list[_Scan]) -> np.ndarray | None:
 def score_survey(summary: SurveySummary, truth: Trajectory) -> dict[str, PairScore]:
     """The scores of the survey's "sequential" pairs, and of its "loops", which are all others.
 
-    Args:
-        summary: of the survey.
-        truth: true poses; each belongs to the scan of the same stamp.
-
-    Raises:
-        InputError: the summary and the truth have no stamp in common.
+    True poses belong to scans by their stamps. Raises InputError: no stamp in common.
     """
     poses = {scan: truth.T_world_sensor[row] for scan, row in _by_scan(summary, truth).items()}
     chain = [pair for pair in summary.pairs if pair.role == CHAIN]
@@ -216,11 +204,8 @@ def score_survey(summary: SurveySummary, truth: Trajectory) -> dict[str, PairSco
 def calibrate_survey(summary: SurveySummary, estimate: Trajectory, truth: Trajectory) -> PoseCalibration | None:
     """Compare the errors of the poses of the estimate's component with their covariances.
 
-    None where the summary has no covariances, or the component has no pose but the first.
-
-    Raises:
-        InputError: no stamp in common, or the component's first pose, to which the covariances are relative, is missing
-            from the estimate or from the truth.
+    None where there are no covariances, or no pose but the first. Raises InputError: no stamp in common, or the
+    component's first pose, to which the covariances are relative, is missing from the estimate or from the truth.
     """
     if summary.covariances is None:
         return None

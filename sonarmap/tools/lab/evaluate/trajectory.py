@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 
-ARM = 1.0  # what an orientation error weighs: 1 rad as much as so many meters [m]
+ARM = 1.0  # 1 rad of an orientation error weighs as much as this length [m]
 LINE_RATIO = 1e-3  # spread of positions across their main line, below which they fix no rotation about it
 
 
@@ -22,12 +22,11 @@ def align_poses(source: RigidTransform, target: RigidTransform) -> RigidTransfor
 
     With positions p_i, q_i and orientations P_i, Q_i of target and source it minimizes, over R and t,
 
-        sum |p_i - (R q_i + t)|^2 + (ARM^2 / 2) sum ||P_i - R Q_i||_F^2:
+        sum |p_i - (R q_i + t)|^2 + (ARM^2 / 2) sum ||P_i - R Q_i||_F^2,
 
-    the positions' squared distances, and the orientations' squared chordal distances (about 2 angle^2; Hartley et
-    al., DOI 10.1007/s11263-012-0601-0), so that 1 rad weighs as much as 1 m. Orientations fix what positions leave
-    open: a straight line or a single pose will do. The solution is closed, as Umeyama's without scale (DOI
-    10.1109/34.88573): the orientations add to the positions' correlation matrix.
+    squared distances and squared chordal distances (about 2 angle^2; Hartley et al., DOI 10.1007/s11263-012-0601-0), in
+    closed form as Umeyama's without scale (DOI 10.1109/34.88573): orientations add to the positions' correlation
+    matrix. A straight line or a single pose will do.
     """
     p, q = target.translation, source.translation
     middle_p, middle_q = p.mean(axis=0), q.mean(axis=0)
@@ -38,13 +37,8 @@ def align_poses(source: RigidTransform, target: RigidTransform) -> RigidTransfor
 
 
 def align_positions(source: np.ndarray, target: np.ndarray) -> RigidTransform:
-    """The rigid T_target_source of least squares between corresponding positions (N, 3) [m], N >= 3.
-
-    Umeyama's solution without scale (DOI 10.1109/34.88573).
-
-    Raises:
-        InputError: fewer than three positions, or positions on one line, about which any rotation fits.
-    """
+    """The rigid T_target_source of least squares between corresponding positions (N, 3) [m], N >= 3 (Umeyama, DOI
+    10.1109/34.88573). Raises InputError: fewer than three positions, or positions on one line."""
     spread = [np.linalg.svd(points - points.mean(axis=0), compute_uv=False) for points in (source, target)]
     if len(source) < 3 or any(values[1] <= LINE_RATIO * values[0] for values in spread):
         raise InputError(
@@ -85,7 +79,7 @@ class PairError:
 class Evaluation:
     """A trajectory compared with the truth: N poses with a stamp in common."""
 
-    alignment: Alignment  # how the estimate was aligned with the truth: "poses", "positions" or "first"
+    alignment: Alignment
     T_truth_estimate: RigidTransform  # the alignment, from the estimate's world to the truth's
     stamps: np.ndarray  # (N,) [s], the estimate's, in time
     T_aligned: RigidTransform  # N poses of the estimate after alignment, T_truth_sensor
@@ -144,14 +138,9 @@ def pair_error(T_estimate: RigidTransform, T_truth: RigidTransform) -> PairError
 def evaluate(estimate: Trajectory, truth: Trajectory, alignment: Alignment = "poses") -> Evaluation:
     """Errors of a trajectory against the truth, after one rigid alignment, without scale.
 
-    Args:
-        alignment: "poses", least squares over all common poses, see `align_poses`; "positions", the same without
-            the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose onto its truth. With
-            "first" the error of that pose moves and turns all others: errors are mostly larger than with "poses", and
-            grow with the distance from it. Steps have the same errors with each.
-
-    Raises:
-        InputError: no stamp in common; with "positions" also where these are too few or lie on one line.
+    The alignment is least squares over all common "poses" or "positions", or the "first" common pose onto its truth,
+    whose error then moves and turns all others. Steps have the same errors with each. Raises InputError: no stamp in
+    common; with "positions" also where these are too few or lie on one line.
     """
     estimate_rows, truth_rows = associate(estimate.stamps, truth.stamps)
     estimated, true = estimate.T_world_sensor[estimate_rows], truth.T_world_sensor[truth_rows]
@@ -185,17 +174,9 @@ def evaluate(estimate: Trajectory, truth: Trajectory, alignment: Alignment = "po
 def associate(
     estimate: np.ndarray, truth: np.ndarray, tolerance: float = STAMP_TOLERANCE
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which stamps belong together: closest pairs first, each stamp once.
+    """Indices (K,) of stamps (M,) and (N,) [s] that belong together, in the order of the estimate's stamps.
 
-    Args:
-        estimate, truth: (M,) and (N,) stamps [s], in any order.
-        tolerance: largest difference [s].
-
-    Returns:
-        indices into `estimate` and into `truth`, (K,) each, in order of the estimate's stamps.
-
-    Raises:
-        InputError: no two stamps lie within the tolerance.
+    Closest pairs first, each stamp once. Raises InputError: no two stamps lie within the tolerance [s].
     """
     trees = (KDTree(stamps[:, None]) for stamps in (estimate, truth))
     # the trees' search rounds; the tolerance itself is applied to what it gives

@@ -35,14 +35,15 @@ from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.methods.fingerprint import fingerprint
 
 CLUES = tuple(field.name for field in fields(Clues))
-NEAR = 12.0, 8.0  # a place is right within these of the truth [degrees, voxels]
+NEAR = (12.0, 8.0)  # a place is right within these of the truth [degrees, voxels]
 _RIDGE = 1e-3  # weight of the squared weights in the mean loss, of columns with deviation 1
 _RARE = 0.005  # share of the pairs on either side that say nothing of a clue's range
 # A place that is farther off is wrong, whatever its covariance says [degrees, voxels]
-_FARTHEST = 30.0, 40.0
-# Scans have slid if they are farther off than so many standard deviations by their planes, and than so many coarse
-# voxels; up to so many, as far as the correlation is looked at
-_SIGMAS, _LEAST, _COARSE = 2.5, 1.5, 12.0
+_FARTHEST = (30.0, 40.0)
+# Scans have slid if they are farther off than both bounds, within the reach of the correlation
+_SLID_SIGMAS = 2.5  # standard deviations by their planes
+_SLID_COARSE = 1.5  # coarse voxels
+_REACH_COARSE = 12.0  # coarse voxels
 
 
 def fit_odds(clues: np.ndarray, right: np.ndarray, share: np.ndarray, start: Odds | None = None) -> Odds:
@@ -137,7 +138,7 @@ def fit_slide(pairs: Sequence[RecordedPair]) -> Slide:
     slides, slid, far = [], [], []
     for pair in pairs:
         voxel, coarse = pair.grid.voxel, pair.grid.edge / coarse_edge(pair.grid.edge)
-        if pair.off[0, 0] > NEAR[0] or pair.off[0, 1] > _COARSE * coarse:
+        if pair.off[0, 0] > NEAR[0] or pair.off[0, 1] > _REACH_COARSE * coarse:
             continue
         covariance = fit_covariance(pair.hypotheses[0], pair.centers, pair.grid).posterior
         R, center = pair.hypotheses[0].fit.R, pair.centers[1]
@@ -147,7 +148,7 @@ def fit_slide(pairs: Sequence[RecordedPair]) -> Slide:
         jacobian = along @ np.hstack([-cross_matrices(center[None])[0], np.eye(3)])
         sigma = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian))
         slides.append(slides_of(pair.seen)[:, 0])
-        slid.append((np.abs(moved) > _SIGMAS * sigma) & (np.abs(moved) > _LEAST * coarse))
+        slid.append((np.abs(moved) > _SLID_SIGMAS * sigma) & (np.abs(moved) > _SLID_COARSE * coarse))
         far.append(moved / coarse)
     ways = np.concatenate(far)[np.concatenate(slid)]
     odds, weights = fit_logistic(np.concatenate(slides)[:, None], np.concatenate(slid))

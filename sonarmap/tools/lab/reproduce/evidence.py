@@ -28,8 +28,8 @@ from sonarmap.tools.lab.reproduce.kinds import LEVELED, NAVIGATION, NOTHING, PRI
 from sonarmap.tools.lab.reproduce.pairs import related, unrelated
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
-from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 from sonarmap.tools.lab.simulate.plan import louder, plan
+from sonarmap.tools.lab.simulate.random_pairs import Turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.simulation import Simulation, observe, simulate
 

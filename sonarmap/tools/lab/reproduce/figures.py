@@ -14,7 +14,7 @@ from sonarmap.tools.lab.reproduce.registrations import EVALUATED, OURS
 from sonarmap.tools.lab.reproduce.render import Frame, where, wilson
 from sonarmap.tools.lab.reproduce.tables import expected_error, with_bins, worst_first
 from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 
 _TENTHS = (-1e-9, *(k / 10 for k in range(1, 11)))
 _WRONG = "0.88"  # the gray behind wrong registrations

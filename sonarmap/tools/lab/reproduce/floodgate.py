@@ -2,27 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from time import perf_counter
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, pair_error
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked
 from sonarmap.tools.lab.reproduce.registrations import EXTENT, PARAMETERS, finish_device, paper_grid, parameter_cells
-from sonarmap.tools.lab.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap, shared_view
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
+from sonarmap.tools.lab.simulate.trajectories import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 VOXEL = 2.0  # of methods without a grid of their own [m]
@@ -43,92 +40,64 @@ SOURCES = (
 )
 SCENE = "floodgate"
 RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels
-MAP, PAIR, POSE = "map", "pair", "pose"
-MAP_MEDIAN, MAP_90, DISPLACED_90 = "map_median_m", "map_90_m", "displaced_90_m"
+PAIR = "pair"  # of the column "row"
+POSE = "pose"
+MAP_MEDIAN = "map_median_m"
+MAP_90 = "map_90_m"
+DISPLACED_90 = "displaced_90_m"
 
 
 def create(request: Request) -> Experiment:
     """Every method registers every scan to the one before it; a map is what chaining these makes.
 
-    A job is a pair, as in 1/icp/0/05, or what is made of a survey's pairs, as in 1/icp/0/map. `quick` is one survey by
-    the paper's methods, on one grid.
+    A job is a survey by one method on one grid, as in 1/icp/0. `quick` is one survey by the paper's methods, on one
+    grid.
     """
     compared = {"methods": PAPER_METHODS} if request.quick else {}
     settings = as_asked(request, _USUAL, {**compared, "edges": (128,), "seeds": 1})
     left_out = tuple(name for name in settings.methods if not is_installed(name))
     settings.methods, settings.left_out = tuple(m for m in settings.methods if m not in left_out), left_out
-    runs = [
-        (name, edge)
-        for name in COMPARED
-        if name in settings.methods
-        for edge in (settings.edges if COMPARED[name] else (0,))
-    ]
-    jobs = []
-    for seed in all_seeds(settings):
-        jobs.append(f"{seed}/{TRUTH}/0/{MAP}")
-        parts = [*(f"{source:02d}" for source in range(1, settings.scans)), MAP]
-        jobs += [f"{seed}/{method}/{edge}/{part}" for method, edge in runs for part in parts]
-    return Experiment("floodgate", settings, jobs, _Chains(settings.scans, request.device).run, SOURCES)
+    runs = [(TRUTH, 0)]
+    for name in filter(settings.methods.__contains__, COMPARED):
+        runs += [(name, edge) for edge in (settings.edges if COMPARED[name] else (0,))]
+    jobs = [f"{seed}/{method}/{edge}" for seed in all_seeds(settings) for method, edge in runs]
 
-
-class _Chains:
-    """Registers the pairs of surveys, one survey and method at a time."""
-
-    def __init__(self, scans: int, device: Device | None) -> None:
-        self._scans, self._device = scans, device
-        self._current: tuple[tuple[int, str, int], Registrar, dict[int, Any]] | None = None
-        self._step = cache(self._measure)
-
-    def run(self, job: str) -> Outcome:
-        """Register one pair, or chain the pairs of one survey, which are registered anew where that is not just done.
-
-        Raises:
-            InputError: a scan shows too little.
-        """
-        first, method, second, part = job.split("/")
+    def run(job: str) -> Outcome:
+        first, method, second = job.split("/")
         seed, edge = int(first), int(second)
-        run: dict[str, Value] = {"seed": seed, "method": method, "grid": edge}
-        now = survey(seed, self._scans)
-        if part == MAP:
-            sources = range(1, self._scans)
-            steps = [self._step(seed, method, edge, k)[0].T_target_source for k in sources] if method != TRUTH else None
-            return Outcome(tuple({"row": POSE} | run | row for row in pose_rows(now, steps)))
-        source = int(part)
-        found, prepare, register = self._step(seed, method, edge, source)
-        row = {"row": PAIR} | run | pair_row(now, source, found.T_target_source, bool(found.accepted))
-        return Outcome((row,), (run | {"scan": source, "prepare_s": prepare, "register_s": register},))
+        which: dict[str, Value] = {"seed": seed, "method": method, "grid": edge}
+        now = survey(seed, settings.scans)
+        pairs, seconds, steps = [], [], None
+        if method != TRUTH:
+            grid = paper_grid(edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
+            found, seconds = _chain(build(method, grid, request.opened.selector, seed), now.scans)
+            steps = [registration.T_target_source for registration in found]
+            pairs = [
+                {"row": PAIR} | which | pair_row(now, k, each.T_target_source, bool(each.accepted))
+                for k, each in enumerate(found, 1)
+            ]
+        poses = [{"row": POSE} | which | row for row in pose_rows(now, steps)]
+        return Outcome((*pairs, *poses), tuple(which | row for row in seconds))
 
-    def _measure(self, seed: int, method: str, edge: int, source: int) -> tuple[Registration, float, float]:
-        """One registration; times of preparing the source and of the pair, whose target is prepared [s]."""
-        registrar, prepared = self._registrar(seed, method, edge)
-        scans = survey(seed, self._scans).scans
-        if source - 1 not in prepared:
-            prepared[source - 1] = registrar.prepare(scans[source - 1])
-            finish_device(registrar)
+    return Experiment("floodgate", settings, jobs, run, SOURCES)
+
+
+def _chain(registrar: Registrar, scans: Sequence[Scan]) -> tuple[list[Registration], list[dict[str, Value]]]:
+    """Every scan registered to the one before it, and the times of preparing it and of registering it [s]."""
+    target = registrar.prepare(scans[0])
+    registrar.register(target, target)  # untimed: kernels are compiled and packages imported
+    finish_device(registrar)
+    found: list[Registration] = []
+    seconds: list[dict[str, Value]] = []
+    for k, scan in enumerate(scans[1:], 1):
         start = perf_counter()
-        prepared[source] = registrar.prepare(scans[source])
+        source = registrar.prepare(scan)
         finish_device(registrar)
         middle = perf_counter()
-        result = registrar.register(prepared[source - 1], prepared[source])
-        end = perf_counter()
-        for old in [k for k in prepared if k != source]:
-            del prepared[old]
-        return result, middle - start, end - middle
-
-    def _registrar(self, seed: int, method: str, edge: int) -> tuple[Registrar, dict[int, Any]]:
-        """The registrar of one survey and the scans that it holds prepared; one at a time, for the device's memory.
-
-        A new one first registers a scan to itself, untimed: kernels are compiled and packages imported then.
-        """
-        key = (seed, method, edge)
-        if self._current is None or self._current[0] != key:
-            self._current = None
-            grid = paper_grid(edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
-            registrar = build(method, grid, self._device.selector if self._device else None, seed)
-            scan = registrar.prepare(survey(seed, self._scans).scans[0])
-            registrar.register(scan, scan)
-            self._current = (key, registrar, {})
-        return self._current[1], self._current[2]
+        found.append(registrar.register(target, source))
+        seconds.append({"scan": k, "prepare_s": middle - start, "register_s": perf_counter() - middle})
+        target = source
+    return found, seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +107,10 @@ class FloodgateSurvey:
     scans: tuple[Scan, ...]  # in their sensor frames
     T_world_sensor: RigidTransform  # their true poses; the world is the scene's frame, East-North-Up
     mesh: Mesh  # the scene's true surface [m, world]
-    # N - 1 shares of points that truly have a counterpart in the scan before, the smaller of both ways
-    overlap: tuple[float, ...]
-    # N - 1 shares of what a scan shows that lies in the view of the scan before, the smaller of both ways, without
-    # noise
-    shared: tuple[float, ...]
+    overlap: tuple[
+        float, ...
+    ]  # N - 1 shares of points with a counterpart in the scan before, or the reverse: the least
+    shared: tuple[float, ...]  # likewise of what lies in the other's view, without noise
 
     def step(self, source: int) -> RigidTransform:
         """The true T_target_source of the pair source - 1 (target), source (source)."""
@@ -192,15 +160,10 @@ def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, ac
 
 
 def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -> list[dict[str, Value]]:
-    """The rows of all poses that the steps chain from the first true one, with the map of the scans so far.
+    """The rows of N poses that N - 1 steps chain from the first true one, or of the true poses (None).
 
-    Args:
-        survey: N scans.
-        steps: N - 1 registrations; None for the true poses.
-
-    Returns:
-        N rows: the pose's error, and median and 90th percentile of the distances [m] of all points of the scans up to
-        it, at their poses, to the true surface; the 90th percentile of how far they are from their own true places.
+    A row has the pose's error, and of all points up to its scan median and 90th percentile of their distances from the
+    true surface [m] and the 90th percentile of their distances from their own true places.
     """
     true = survey.T_world_sensor
     poses = true if steps is None else chain_poses(true[0], steps)

@@ -34,13 +34,9 @@ class Record:
 def write_experiment(
     folder: Path, experiment: Experiment, result: Result, shown: Sequence[Row], provenance: Provenance, command: str
 ) -> Record:
-    """Write NAME.csv, NAME.png, NAME.md, which two runs make alike byte by byte; and, as they may differ,
-    NAME-seconds.csv, NAME-times.md and NAME.json. All of them or, where one cannot be written, none.
+    """Write NAME.csv, NAME.png and NAME.md, the same bytes on every run; NAME-seconds.csv, NAME-times.md and NAME.json.
 
-    `shown` are the rows that tables show: the experiment's, or what it concludes from them.
-
-    Raises:
-        InputError: a file cannot be written.
+    All of them or none. `shown` are the rows of the tables. Raises InputError: a file cannot be written.
     """
     name, rows, seconds = experiment.name, result.rows, result.times
     figure = FIGURES.get(name)

@@ -14,21 +14,14 @@ from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, as_asked
-from sonarmap.tools.lab.reproduce.registrations import (
-    SOURCES,
-    answer,
-    claims,
-    compared_methods,
-    errors,
-    registrar,
-)
+from sonarmap.tools.lab.reproduce.registrations import SOURCES, answer, claims, compared_methods, errors, registrar
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments
 from sonarmap.tools.methods.registry import find_method
 
 BATCH = 5  # pairs of a job
-# So many pairs of each kind, of a set that neither development nor the tests use; voxels per edge
+# Pairs of each kind, of a set that neither development nor the tests use; voxels per edge
 _USUAL = {"kinds": tuple(SCAN_KINDS), "pairs": 100, "seed": 77014, "edge": 128}
 NOTHING, LEVELED, NAVIGATION = "none", "attitude,depth", "navigation"
 NAVIGATED = "swath"  # the kind that is registered with navigation too
@@ -45,10 +38,8 @@ DIRECTIONS = (1, 2, 3)
 
 
 def create(request: Request) -> Experiment:
-    """A job is five pairs of a kind, what is known, and one method, as in swath/none/003/spectral.
-
-    `quick` is one batch of two kinds on half the voxels.
-    """
+    """A job is five pairs of a kind, what is known, and one method, as in swath/none/003/spectral; `quick` is one batch
+    of two kinds on half the voxels."""
     usual = _USUAL | compared_methods(request)
     settings = as_asked(request, usual, {"kinds": ("patch", "swath"), "pairs": BATCH, "edge": 64})
 
@@ -96,19 +87,10 @@ def _row(pair: KindPair, grid: Grid, known: str, method: str, device: str | None
 def navigation_cells(
     registration: Registration, truth: RigidTransform, target: PosePrior, source: PosePrior
 ) -> dict[str, Value]:
-    """A registration compared with navigation alone, along three directions of its translation.
+    """Standard deviations and signed errors of a registration and of navigation alone, along three directions [m].
 
     The directions are the eigenvectors of the covariance of the translation, in the target's axes, 1, 2, 3 with growing
-    standard deviations. Of each the cells hold the standard deviations and the errors, with their signs, of the
-    estimate and of navigation alone [m].
-
-    Args:
-        registration: the estimate.
-        truth: the true T_target_source.
-        target, source: what navigation says of the two scans; all of it is measured.
-
-    Returns:
-        Nothing where the registration has no covariance.
+    standard deviations. All of both poses is measured. Nothing where the registration has no covariance.
     """
     covariance = np.asarray(registration.covariance)[3:, 3:]
     if not np.isfinite(covariance).all():
@@ -131,10 +113,8 @@ def navigation_cells(
 
 
 def navigation_covariance(target: PosePrior, source: PosePrior) -> np.ndarray:
-    """(3, 3) of the translation of the measured T_target_source, in the target's axes [m^2].
-
-    Both positions err, and so does the target's rotation, which turns the whole way to the source.
-    """
+    """(3, 3) of the translation of the measured T_target_source, in the target's axes [m^2]: the errors of both
+    positions and of the target's rotation."""
     way = source.T_world_sensor.translation - target.T_world_sensor.translation
     lever = cross_matrices(way[None])[0]
     world = np.diag(target.sigmas[3:] ** 2 + source.sigmas[3:] ** 2)

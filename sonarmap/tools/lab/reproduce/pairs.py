@@ -25,13 +25,12 @@ from sonarmap.tools.lab.reproduce.registrations import (
     paper_grid,
     registrar,
 )
-from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
-from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
-from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_MOST
 from sonarmap.tools.lab.simulate.plan import table1_pair
+from sonarmap.tools.lab.simulate.random_pairs import Turn, evaluation_pair, evaluation_unrelated
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.trajectories import TABLE1_MOST
 
 OVERLAP, PATHS, UNRELATED = PAIR_SETS
 BATCH = 5  # pairs of a job: of the set overlap one of every range of overlap

@@ -25,8 +25,7 @@ SOURCES = (
 def compared_methods(request: Request) -> dict[str, tuple[str, ...]]:
     """The settings "methods", those that were asked for or all that are installed, and "left_out".
 
-    Raises:
-        InputError: a method that was asked for is unknown or not installed.
+    Raises InputError: a method that was asked for is unknown or not installed.
     """
     if request.method:
         for name in request.method:
@@ -38,12 +37,9 @@ def compared_methods(request: Request) -> dict[str, tuple[str, ...]]:
 
 
 def registrar(name: str, grid: Grid, device: str | None, max_tilt: float | None = None) -> Registrar:
-    """A method, a key of METHODS, with its defaults, the same whatever pair it is built for.
+    """A method, a key of METHODS, with its defaults; one that bounds roll and pitch does so at `max_tilt` [rad].
 
-    A method that bounds roll and pitch does so at `max_tilt` [rad], if given. `device` is as `choose_device` takes it.
-
-    Raises:
-        InputError, DeviceError: there is no such method, its package is not installed, or the device is too small.
+    Raises InputError, DeviceError: there is no such method, its package is not installed, or the device is too small.
     """
     method = find_method(name)
     changes = {} if max_tilt is None or "max_tilt" not in method.options else {"max_tilt": max_tilt}
@@ -51,7 +47,7 @@ def registrar(name: str, grid: Grid, device: str | None, max_tilt: float | None 
 
 
 def finish_device(registrar: Registrar) -> None:
-    """Wait for the device of a method that has one, so that what follows is timed alone."""
+    """Wait for the device of a method that has one."""
     device = getattr(registrar, "device", None)
     if device is not None:
         device.queue.finish()
@@ -79,11 +75,7 @@ def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
 
 
 def claims(registration: Registration) -> dict[str, Value]:
-    """What a registration reports about itself.
-
-    The cells: accepted; probability that it is right, psr (both NaN from methods that have none); its estimated
-    overlap; sigma_deg and sigma_m, standard deviations along the worst direction; its reason.
-    """
+    """What a registration reports about itself; sigma_deg and sigma_m are along the worst direction."""
     sigma_deg, sigma_m = float("nan"), float("nan")
     if np.isfinite(covariance := registration.covariance).all():
         worst = (np.linalg.eigvalsh(block)[-1] for block in (covariance[:3, :3], covariance[3:, 3:]))
@@ -101,10 +93,7 @@ def claims(registration: Registration) -> dict[str, Value]:
 
 
 def errors(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
-    """The errors of a registration against the true T_target_source between the scans; `voxel` of the grid [m].
-
-    The cells: right (`PairError.is_right`); rotation_deg, translation_m, translation_voxels; nees.
-    """
+    """The errors of a registration against the true T_target_source between the scans; `voxel` of the grid [m]."""
     error = pair_error(registration.T_target_source, truth)
     return {
         "right": error.is_right(voxel),
@@ -118,9 +107,8 @@ def errors(registration: Registration, truth: RigidTransform, voxel: float) -> d
 def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransform) -> float:
     """The normalized estimation error squared: xi' covariance^-1 xi with truth = T_estimate Exp(xi).
 
-    If the covariance is that of the errors, it is distributed as chi-squared with six degrees of freedom (Bar-Shalom,
-    Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, Sect. 5.4, doi
-    10.1002/0471221279). NaN where the covariance of xi, (6, 6), rotation first [rad, m], is not positive definite.
+    Of a right covariance it is chi-squared with six degrees of freedom (Bar-Shalom, Li and Kirubarajan 2001, Sect. 5.4,
+    doi 10.1002/0471221279). NaN where the covariance, rotation first [rad, m], is not positive definite.
     """
     xi = (T_estimate.inv() * truth).as_exp_coords()
     try:

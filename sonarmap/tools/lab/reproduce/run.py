@@ -121,13 +121,10 @@ def run(
     options: RunOptions | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Result:
-    """Run the jobs that are not in the journal of the folder; a run that is stopped loses only the jobs that are being
-    run. Jobs of another provenance are run again; `say` takes a sentence about jobs that the journal held.
+    """Run the jobs that are not in the journal of the folder, or are there with another provenance.
 
-    Every outcome goes through the journal's text, so that results are the same whether a run was stopped or not.
-
-    Raises:
-        InputError, DeviceError: from a job, or the journal cannot be used.
+    Every outcome goes through the journal's text, so that results are the same whether a run was stopped or not. `say`
+    takes a sentence about jobs that the journal held. Raises InputError, DeviceError: from a job, or of the journal.
     """
     options = options or RunOptions()
     jobs = list(dict.fromkeys(experiment.jobs))

@@ -23,16 +23,17 @@ from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, Value, all_seeds, as_asked
 
-# The vehicle moves to and fro over a rough bed: how far apart scans and lanes are, and how high it is [m].
-_STEP, _LANE, _HEIGHT = 4.0, 15.0, 12.0
-# What a scan sees of the bed: along the way and across [m].
-_LONG, _WIDE = 16.0, 40.0
-# Errors of a registration where both scans see the same: standard deviations [rad, m]; they grow as less is shared.
-_TURN, _SHIFT = float(np.radians(0.1)), 0.05
-# Variances that registrations tell, over those of their errors: what spectral ones have (`slam.graph.pose_covariance`).
-_TOLD = 7.0
-# Least overlap of what is found and accepted; so many of these are refused nevertheless, and so many loops are wrong.
-_FOUND, _REFUSED, _WRONG = 0.25, 0.02, 0.002
+_STEP = 4.0  # between scans [m]
+_LANE = 15.0  # between lanes [m]
+_HEIGHT = 12.0  # above a rough bed [m]
+_LONG = 16.0  # of what a scan sees of the bed, along the track [m]
+_WIDE = 40.0  # across it [m]
+_TURN = float(np.radians(0.1))  # standard deviation of a registration's errors where all is shared [rad]
+_SHIFT = 0.05  # likewise [m]
+_STATED = 7.0  # variances that registrations state, over those of their errors, as spectral ones do
+_LEAST_OVERLAP = 0.25  # of what is accepted
+_REFUSED = 0.02  # share of the others that is refused nevertheless
+_WRONG = 0.002  # share of the accepted loops that is wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class MadeUpSurvey:
 
 
 def make_up(folder: Path, count: int, points: int, seed: int) -> MadeUpSurvey:
-    """A survey of `count` scans of so many points each, whose points are written to a file in `folder`."""
+    """A survey of `count` scans of `points` points each, which are written to a file in `folder`."""
     rng = np.random.default_rng(seed)
     truth = _path(count, rng)
     spooled = np.lib.format.open_memmap(folder / "points.npy", "w+", np.float32, (count, points, 3))
@@ -86,11 +87,9 @@ def _bed(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 class MadeUpRegistrar:
-    """Gives the truth with errors of the size that it tells, refuses what shares little, and is seldom wrong.
+    """Gives the truth of scan0, scan1, ... with errors of the size that it states, which seed and pair decide.
 
-    Args:
-        T_world_sensor: the poses of scan0, scan1, ...
-        seed: of the errors; each pair has its own, whenever it is asked for.
+    It is seldom wrong, and refuses pairs that share little.
     """
 
     def __init__(self, T_world_sensor: RigidTransform, seed: int) -> None:
@@ -105,13 +104,13 @@ class MadeUpRegistrar:
         rng = np.random.default_rng([self._seed, target, source])
         T = self._truth[target].inv() * self._truth[source]
         shared = _shared(T)
-        accepted = shared >= _FOUND and rng.random() >= _REFUSED
+        accepted = shared >= _LEAST_OVERLAP and rng.random() >= _REFUSED
         wrong = not accepted or (abs(source - target) > 1 and rng.random() < _WRONG)
-        sigmas = np.repeat([_TURN, _SHIFT], 3) / max(shared, _FOUND)
+        sigmas = np.repeat([_TURN, _SHIFT], 3) / max(shared, _LEAST_OVERLAP)
         error = rng.normal(size=6) * (np.repeat([0.2, 5.0], 3) if wrong else sigmas)
         return Registration(
             T_target_source=T * RigidTransform.from_exp_coords(error),
-            covariance=np.diag(_TOLD * sigmas**2),
+            covariance=np.diag(_STATED * sigmas**2),
             psr=float("nan"),
             overlap=shared,
             accepted=accepted,
@@ -127,7 +126,7 @@ def _shared(T_target_source: RigidTransform) -> float:
     return float(max(0.0, 1 - x / _LONG) * max(0.0, 1 - y / _WIDE))
 
 
-# Numbers of scans, ascending; points of each scan; surveys of each number; edge of the survey's voxels [m]
+# Numbers of scans, ascending; points of each scan; edge of the survey's voxels [m]
 _USUAL = {"counts": (1000, 3000, 10_000), "points": 25_000, "seeds": 1, "first_seed": 7, "voxel": 0.5}
 SOURCES = (
     *("slam", "tools/lab/evaluate"),

@@ -1,25 +1,120 @@
 """Whole structures in a grid that stands still, moved or tilted, under noise of the voxels (Sects. 2.7 and 3)."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
+from types import MappingProxyType
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import Device
+from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, all_seeds, as_asked
 from sonarmap.tools.lab.reproduce.registrations import paper_grid, parameter_cells
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.shapes.structure import NOISES, occupy, surface_points, swap, voxel_scan
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 
-# Two seeds of each scene; a grid of `edge` voxels that is as large as the paper's
+_TRIANGLES_AT_ONCE = 20_000
+
+
+def surface_points(mesh: Mesh, spacing: float) -> np.ndarray:
+    """Points all over a surface, no farther apart than `spacing` [m], without anything random.
+
+    Returns (N, 3) float32 [m], frame of the scene, the lowest and the highest equally far from z = 0.
+    """
+    corners = mesh.vertices[mesh.triangles]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    steps = np.maximum(1, np.ceil(longest / spacing)).astype(int)
+    points = []
+    for count in np.unique(steps):
+        similar = corners[steps == count]
+        weights = _barycentric(int(count))
+        for first in range(0, len(similar), _TRIANGLES_AT_ONCE):
+            some = similar[first : first + _TRIANGLES_AT_ONCE]
+            points.append((weights @ some).reshape(-1, 3).astype(np.float32))
+    cloud = np.concatenate(points)
+    cloud[:, 2] -= (cloud[:, 2].min() + cloud[:, 2].max()) / 2
+    return cloud
+
+
+def occupy(points: np.ndarray, grid: Grid) -> np.ndarray:
+    """Which voxels of a grid about the origin hold one of `points` (N, 3) [m], (edge, edge, edge) bool."""
+    cells = np.floor(points / grid.voxel + (grid.edge / 2 + 0.5)).astype(np.int64)
+    inside = ((cells >= 0) & (cells < grid.edge)).all(axis=1)
+    volume = np.zeros((grid.edge,) * 3, bool)
+    volume[tuple(cells[inside].T)] = True
+    return volume
+
+
+def voxel_scan(occupied: np.ndarray, grid: Grid, name: str) -> Scan:
+    """The occupied voxels' centers as a scan whose frame has its origin in the middle of the grid."""
+    return Scan(((np.argwhere(occupied) - grid.edge / 2) * grid.voxel).astype(np.float32), name=name)
+
+
+def _barycentric(count: int) -> np.ndarray:
+    """(K, 3) weights of a triangle's corners, on a raster of `count` steps a side."""
+    i, j = (steps.ravel() for steps in np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij"))
+    within = i + j <= count
+    first, second = i[within] / count, j[within] / count
+    return np.column_stack([1 - first - second, first, second])
+
+
+@dataclass(frozen=True, slots=True)
+class VoxelNoise:
+    """Uniform noise of a volume (paper Sect. 3, Fig. 11)."""
+
+    swap: float  # share of the region's voxels that are flipped, 0..1
+    envelope: int | None  # how far around the structure the region reaches [voxels]; None: the whole grid
+
+
+# The paper's list, Sect. 3: the envelope's two widths and the whole grid, each at two swap ratios
+NOISES: MappingProxyType[str, VoxelNoise] = MappingProxyType(
+    {
+        "D0": VoxelNoise(0.0, 0),
+        "D1": VoxelNoise(1 / 100, 5),
+        "D2": VoxelNoise(1 / 25, 5),
+        "D3": VoxelNoise(1 / 100, 10),
+        "D4": VoxelNoise(1 / 25, 10),
+        "D5": VoxelNoise(1 / 100, None),
+        "D6": VoxelNoise(1 / 25, None),
+    }
+)
+
+
+def swap(occupied: np.ndarray, noise: VoxelNoise, rng: np.random.Generator) -> np.ndarray:
+    """A copy of a volume (N, N, N) bool in which exactly round(swap * region) voxels of the region are flipped.
+
+    "1 out of 25 voxel is flipped" (paper Sect. 3); all choices are equally likely.
+    """
+    reached = envelope(occupied, noise.envelope)
+    noisy = np.ascontiguousarray(occupied).copy()
+    places = None if reached.all() else np.flatnonzero(reached)
+    count = reached.size if places is None else len(places)
+    chosen = rng.choice(count, round(noise.swap * count), replace=False, shuffle=False)
+    noisy.reshape(-1)[chosen if places is None else places[chosen]] ^= True
+    return noisy
+
+
+def envelope(occupied: np.ndarray, margin: int | None) -> np.ndarray:
+    """The structure and what lies within `margin` voxels of it, a new (N, N, N) bool; None: everywhere.
+
+    The distance is the largest of the three index differences (Chebyshev).
+    """
+    if margin is None:
+        return np.ones(occupied.shape, bool)
+    return maximum_filter(occupied, 2 * margin + 1, mode="constant")
+
+
 _USUAL = {"scenes": ("floodgate", "clutter"), "noises": tuple(NOISES), "seeds": 2, "first_seed": 1, "edge": 256}
 _QUICK = {"scenes": ("floodgate",), "seeds": 1}
-# Shifts, in steps of (1, 2, 3) m
+# Shifts, in steps of _DIRECTION
 _TRANSLATION = _USUAL | {"steps": (4, 8, 12, 16, 20, 24, 28, 30, 32, 34, 36, 38, 40, 44, 48, 52, 56, 60)}
 # Turns about the middle of the grid: roll and pitch both of `tilt_deg`
 _ROTATION = _USUAL | {"noises": ("D0", "D2", "D4", "D6"), "tilt_deg": 10.0, "yaws_deg": tuple(range(8, 89, 8))}
@@ -36,9 +131,9 @@ SOURCES = (
 )
 RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
 _SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void
-_DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z: a step is one such vector [m]
-_LEAST_COMMON = 0.01  # share of the structure's voxels that has to be left in the frame
-_FARTHEST = np.deg2rad(60.0)  # how far roll and pitch are looked for, so that a bound does not help
+_DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z [m]
+_LEAST_COMMON = 0.01  # share of the structure's voxels that stays in the frame
+_FARTHEST = np.deg2rad(60.0)  # bound of roll and pitch, so wide that it does not help
 
 
 def create_translation(request: Request) -> Experiment:

@@ -53,16 +53,10 @@ STAGES = ("total", "registering", "signing", "optimizing", "fusing")
 def map_survey(
     system: str, scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None
 ) -> MappedSurvey:
-    """Map a survey, by one of SYSTEMS, in a new process.
+    """Map a survey by one of SYSTEMS in a new process, from scans in their order with stamps that count them from 0.
 
-    Args:
-        system, device: the device as `choose_device` takes it.
-        scans: in their order, with stamps that count them from 0.
-        surveys: the number of each scan's survey, ascending.
-        grid: of the registrations; of other systems' the voxel alone.
-
-    Raises:
-        InputError, DeviceError: the scans, the package or the device will not do.
+    `surveys` are the numbers of the scans' surveys, ascending; of the grid, other systems take the voxel alone. Raises
+    InputError, DeviceError: the scans, the package or the device will not do.
     """
     with spawned(1) as pool:
         if system == OURS:

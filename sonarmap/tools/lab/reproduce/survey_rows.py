@@ -18,9 +18,8 @@ from sonarmap.tools.lab.evaluate.trajectory import Evaluation, evaluate
 from sonarmap.tools.lab.reproduce.experiments import Row, Value
 from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey
 from sonarmap.tools.lab.simulate.plan import plan
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 from sonarmap.tools.lab.simulate.simulation import simulate
 
 MAP, POSE = "map", "pose"  # of the column "row"
@@ -43,11 +42,7 @@ class SimulatedSurvey:
 
 
 def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> SimulatedSurvey:
-    """Simulate `count` scans of each of the dives, in their order; their relative pose is given nowhere.
-
-    The scene is a key of SCENE_KINDS, the seed that of the scene, the waves and the noise; a share of the scans is
-    unusable: it shows nothing of the scene. `dives` are as `tools.lab.simulate.paths.trajectories` counts them.
-    """
+    """Simulate `count` scans of each dive over a scene of SCENE_KINDS, a share of them unusable."""
     settings = replace(plan(scene, "lawnmower", None, seed), count=count, unusable=unusable)
     done = [simulate(replace(settings, dive=dive)) for dive in dives]
     scans = [scan for simulation in done for scan in simulation.scans]
@@ -64,8 +59,7 @@ def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: S
 def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
     """All rows of what one system made of a survey, with voxels of this edge [m].
 
-    Trajectories are aligned over the placed scans that are usable; other scans that a system places are
-    ignored here, but its map contains them.
+    Trajectories are aligned over the usable scans; a map also contains other scans that the system places.
     """
     before, after = _evaluated(survey, mapped)
     row = {"row": MAP} | estimate_cells(survey, mapped, voxel)
@@ -165,19 +159,14 @@ def _poses(before: Evaluation | None, after: Evaluation) -> list[Row]:
     ]
 
 
-# A revisit shares this much with the scan, by the true poses, and was not taken within so many scans of it.
-OVERLAP, GAP = 0.4, 5
+OVERLAP = 0.4  # of a revisit with the scan, by the true poses, at least
+GAP = 5  # scans between the two, at least
 AMONG = (1, 5, 10)
 
 
 def revisits(scans: Sequence[Scan], truth: RigidTransform, voxel: float) -> np.ndarray:
-    """(N, N) bool, whether two scans see one place again.
-
-    Args:
-        scans: N scans, in the order in which they were taken.
-        truth: their N true poses.
-        voxel: edge of the survey's voxels [m].
-    """
+    """(N, N) bool, whether two of N scans, in the order in which they were taken, see one place again; the voxel is the
+    survey's [m]."""
     cell = LoopSettings().cell_voxels * voxel
     pairs, _ = overlapping([outline(scan, cell) for scan in scans], truth, cell, OVERLAP)
     i, j = pairs[pairs[:, 1] - pairs[:, 0] > GAP].T
@@ -187,11 +176,9 @@ def revisits(scans: Sequence[Scan], truth: RigidTransform, voxel: float) -> np.n
 
 
 def recall(index: np.ndarray, again: np.ndarray) -> list[float]:
-    """Of the scans with a revisit the share of which one is among the first 1, 5 and 10; NaN where no scan has one.
+    """Of the scans with a revisit (`again`), the share with one among the first 1, 5 and 10; NaN where no scan has one.
 
-    Args:
-        index: (N, 10) the scans most alike to each, best first, -1 where there are no more.
-        again: (N, N) bool, see `revisits`.
+    `index` (N, 10) are the scans most similar to each, best first, -1 where there are no more.
     """
     right = hits(index, again)
     return [float(right[:, :k].any(axis=1).mean()) if len(right) else float("nan") for k in AMONG]

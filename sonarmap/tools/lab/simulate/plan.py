@@ -8,13 +8,19 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.paths.routes import survey_path
-from sonarmap.tools.lab.simulate.paths.stations import PAPER_COUNT
-from sonarmap.tools.lab.simulate.paths.trajectories import SPACING, TABLE1_COUNT, TABLE1_RIG, table1, table1_transform
+from sonarmap.tools.lab.simulate.routes import survey_path
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, SENSORS, Sensor
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, observe
+from sonarmap.tools.lab.simulate.trajectories import (
+    PAPER_COUNT,
+    SPACING,
+    TABLE1_COUNT,
+    TABLE1_RIG,
+    table1,
+    table1_transform,
+)
 
 SPACED = ("survey", "lawnmower")  # the trajectories with a spacing to choose
 LAWNMOWER_COUNT = 200

@@ -15,8 +15,13 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.continuous import ContinuousTrajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.memory import available_memory
-from sonarmap.tools.lab.simulate.paths.stations import paper18
-from sonarmap.tools.lab.simulate.paths.trajectories import (
+from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, measure, scan_of
+from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast, cast_beams
+from sonarmap.tools.lab.simulate.sensing.unusable import Fault, choose_unusable
+from sonarmap.tools.lab.simulate.trajectories import (
     DIVING,
     SPACING,
     TABLE1_COUNT,
@@ -25,16 +30,10 @@ from sonarmap.tools.lab.simulate.paths.trajectories import (
     lawnmower,
     looking_round,
     loop,
+    paper18,
     survey,
     table1,
 )
-from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.ghosts import measure
-from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
-from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast, cast_beams
-from sonarmap.tools.lab.simulate.sensing.unusable import Fault, choose_unusable
 
 # Measured: what a beam takes while its echo is computed, and what is kept of an echo and of a scan [bytes].
 _BEAM, _ECHO, _SCAN = 450, 16, 2000
@@ -78,8 +77,8 @@ class SimulationSettings:
     sensor: Sensor = ECLIPSE  # what to see with; SENSORS holds the known ones
     noise: Noise = field(default=SURVEY_NOISE)  # what it does to the echoes
     seed: int = 0  # of the scene, the waves and the noise
-    dive: int = 1  # 1, or another pass over the same scene, see tools/lab/simulate/paths/trajectories.py
-    # share of the scans that show nothing of the scene, see tools/lab/simulate/sensing/unusable.py
+    dive: int = 1  # 1, or another pass over the same scene, see trajectories.py
+    # share of the scans that show nothing of the scene, see sensing/unusable.py
     unusable: float = 0.0
     # share of the time from one scan to the next in which the sensor takes its columns in turn, while it moves on; 0:
     # all at once

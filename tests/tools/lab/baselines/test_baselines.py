@@ -13,7 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
 from sonarmap.tools.lab.baselines.points import thin
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
-from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
+from sonarmap.tools.lab.simulate.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.methods.registry import METHODS, build
 

@@ -24,9 +24,9 @@ from sonarmap.tools.lab.reproduce.floodgate import (
 )
 from sonarmap.tools.lab.reproduce.gaussian import about_center, row_of
 from sonarmap.tools.lab.reproduce.registrations import parameter_cells
-from sonarmap.tools.lab.simulate.paths.trajectories import table1_transform
 from sonarmap.tools.lab.simulate.plan import table1_pair
-from sonarmap.tools.lab.simulate.shapes.solids import box, merge
+from sonarmap.tools.lab.simulate.scenes.solids import box, merge
+from sonarmap.tools.lab.simulate.trajectories import table1_transform
 
 
 class TestStructures:
@@ -161,10 +161,3 @@ class TestFloodgate:
         rows = pose_rows(now, [STEPS[0], POSES[1].inv() * moved[2], *STEPS[2:]])
         assert [round(float(row[DISPLACED_90]), 6) for row in rows] == [0, 0, 2, 2, 2]
         assert rows[-1][MAP_90] == pytest.approx(0.25, abs=1e-5)
-
-    @pytest.mark.slow
-    def test_a_map_whose_pairs_were_registered_in_an_earlier_run_is_the_same(self) -> None:
-        settings = {"methods": ("hemisphere",), "edges": (32,), "seeds": 1, "first_seed": 3, "scans": 3}
-        first, second = (create("floodgate", Request(choose_device(), settings=settings)) for _ in range(2))
-        done = [first.run(job) for job in first.jobs]
-        assert second.run(first.jobs[-1]).rows == done[-1].rows

@@ -17,7 +17,7 @@ from sonarmap.tools.lab.reproduce.survey import RULES, USUAL
 from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey
 from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, simulate_survey, survey_rows
 from sonarmap.tools.lab.simulate.plan import plan
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 from tests.samples.scenes.simulated import COARSE, QUIET
 from tests.samples.surveys import ring_poses
 

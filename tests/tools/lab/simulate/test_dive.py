@@ -8,13 +8,12 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from sonarmap.tools.lab.simulate.folder import read_settings
-from sonarmap.tools.lab.simulate.paths.routes import lawnmower_path
-from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower, start_of
 from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.routes import lawnmower_path
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
+from sonarmap.tools.lab.simulate.trajectories import lawnmower, start_of
 from tests.samples.clutter_scans import said, sonarmap
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE

@@ -8,11 +8,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import kstest
 
-from sonarmap.tools.lab.simulate.paths.trajectories import survey
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
+from sonarmap.tools.lab.simulate.scenes.solids import box
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, Echoes, Sensor, bare, cast
-from sonarmap.tools.lab.simulate.shapes.solids import box
+from sonarmap.tools.lab.simulate.trajectories import survey
 from tests.samples.scenes.simulated import COARSE, QUIET
 
 ALL = Noise(sigma2=1.5, outliers=0.05, dropouts=0.1, ghosts=0.2, speckle=1.0)

@@ -7,10 +7,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
-from sonarmap.tools.lab.simulate.sensing.ghosts import MIRROR_LOSS_DB, reflect
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
+from sonarmap.tools.lab.simulate.scenes.solids import box, merge
+from sonarmap.tools.lab.simulate.sensing.noise import MIRROR_LOSS_DB, Noise, disturb, reflect
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, Echoes, bare, cast
-from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from sonarmap.tools.lab.simulate.simulation import settings_from_json
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE

@@ -8,17 +8,23 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.paths.routes import LAWNMOWER_PATHS, gate_path, lawnmower_path, survey_path
-from sonarmap.tools.lab.simulate.paths.smooth_path import lane_path, lanes
-from sonarmap.tools.lab.simulate.paths.stations import paper18
-from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG, lawnmower, loop, survey, table1, table1_transform
 from sonarmap.tools.lab.simulate.plan import TABLE1_SENSOR, plan, table1_pair
+from sonarmap.tools.lab.simulate.routes import LAWNMOWER_PATHS, gate_path, lawnmower_path, survey_path
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.sensing.overlap import overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, cast
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES
+from sonarmap.tools.lab.simulate.smooth_path import lane_path, lanes
+from sonarmap.tools.lab.simulate.trajectories import (
+    TABLE1_RIG,
+    lawnmower,
+    loop,
+    paper18,
+    survey,
+    table1,
+    table1_transform,
+)
 from tests.samples.refusals import refuses
 
 SPHERE = np.random.default_rng(0).standard_normal((300, 3))

@@ -9,9 +9,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
+from sonarmap.tools.lab.simulate.scenes.solids import box, merge
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, PAPER, Echoes, bare, cast
-from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, observe
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE, QUIET

@@ -7,12 +7,11 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.grid import Grid
+from sonarmap.tools.lab.reproduce.structures import occupy, surface_points, voxel_scan
 from sonarmap.tools.lab.simulate.scenes.bed import raster
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.scenes.scene import Scene
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, shell, wall
-from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance, triangle_distance
+from sonarmap.tools.lab.simulate.scenes.scene import Scene, surface_distance, triangle_distance
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, shell, wall
 
 SLANT = np.array([10.0, 1.0, -2.0])
 SLANT_LENGTH = float(np.linalg.norm(SLANT))

@@ -1,9 +1,6 @@
-"""What a pair's number, seed and kind decide, by generators of their own: scene, noise, two views of the scene.
+"""Pairs of two views of a scene: what their number, seed and kind decide, by generators of their own."""
 
-The views' frames lie anyhow to one another: beside, across from, or head-on.
-"""
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from zlib import crc32
@@ -13,45 +10,41 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.catalog import scan_kind
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair, relief_of
-from sonarmap.tools.lab.simulate.pairs.pair_set import DROPOUTS, GHOSTS, OUTLIERS, SPECKLE
-from sonarmap.tools.lab.simulate.pairs.random_pairs import PLACES, POSE_TILT
-from sonarmap.tools.lab.simulate.pairs.viewpoints import FAR, TRIES, Observer, View, aside, attitude, first_view
+from sonarmap.tools.lab.simulate.random_pairs import DROPOUTS, GHOSTS, OUTLIERS, PLACES, POSE_TILT, SPECKLE
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, bare
+from sonarmap.tools.lab.simulate.viewpoints import FAR, TRIES, Observer, View, aside, attitude, first_view
 
 SIGMA2 = (0.25, 1.0, 4.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2], in turns
-# On an open bed noise as large as its relief would leave nothing to register: a quarter of the standard deviation
-OPEN_BED = 1 / 16
-# By how much a level fan is mounted nose down over an open bed, of which it would see little else [rad]
-MOUNTED = np.deg2rad(30.0)
+OPEN_BED = 1 / 16  # of these variances over an open bed, whose relief they would hide
+MOUNTED = np.deg2rad(30.0)  # by which a level fan is mounted nose down over an open bed [rad]
 OPEN = ("sandflat", "shallow", "rubble")
 
 
 @dataclass(frozen=True, slots=True)
 class PairDraws:
-    """Of one pair."""
+    """The seed of a pair's scene, and generators of its poses, its distortion, and the noise of either scan."""
 
-    scene: int  # the seed of the scene
-    poses: np.random.Generator  # draws both poses
-    distortion: np.random.Generator  # draws how the scans are distorted
-    target: np.random.Generator  # draws the noise of the target
-    source: np.random.Generator  # draws the noise of the source
+    scene: int
+    poses: np.random.Generator
+    distortion: np.random.Generator
+    target: np.random.Generator
+    source: np.random.Generator
 
 
 def pair_draws(kind: str, number: int, seed: int) -> PairDraws:
-    """The generators of pair `number` of the set `seed` of one kind; no two kinds share them."""
+    """Of pair `number` of the set `seed` of one kind; no two kinds share generators."""
     sequence = np.random.SeedSequence([seed, number, crc32(kind.encode())])
     scene = int(sequence.generate_state(1)[0])
     return PairDraws(scene, *(np.random.default_rng(child) for child in sequence.spawn(4)))
 
 
-def noise_of(kind: str, number: int, scene: str) -> Noise:
-    """The noise of pair `number`: every scene meets every overlap with every variance within nine of its turns."""
-    turn = number // len(scan_kind(kind).scenes)
+def noise_of(number: int, scenes: Sequence[str]) -> Noise:
+    """Of pair `number`, whose scenes take turns: each meets every overlap with every variance within nine turns."""
+    turn, scene = number // len(scenes), scenes[number % len(scenes)]
     sigma2 = SIGMA2[(number + turn + turn // len(SIGMA2)) % len(SIGMA2)] * SCENE_KINDS[scene].scale ** 2
     if relief_of(scene) in ("flat", "weak"):
         sigma2 *= OPEN_BED
@@ -59,7 +52,7 @@ def noise_of(kind: str, number: int, scene: str) -> Noise:
 
 
 def observer_of(scene: str, seed: int) -> Observer:
-    """The bare fan of the sensor that suits the scene, mounted nose down where it would see little else of it."""
+    """The bare fan of the sensor that suits the scene, mounted nose down over an open bed."""
     world = build_scene(scene, seed)
     sensor = bare(SENSORS[world.kind.sensor])
     return Observer(world, replace(sensor, tilt=float(MOUNTED)) if scene in OPEN else sensor)
@@ -69,11 +62,11 @@ def observer_of(scene: str, seed: int) -> Observer:
 class Shot:
     """A view that is to be measured."""
 
-    observer: Observer  # the scene and the sensor
+    observer: Observer
     view: View  # the true one
     noise: Noise  # besides the distortion
-    distortion: np.random.Generator  # draws how the measurement is distorted
-    rng: np.random.Generator  # draws the noise
+    distortion: np.random.Generator
+    rng: np.random.Generator  # of the noise
     name: str  # "target" or "source"
     number: int = 0  # of the pair
 
@@ -88,13 +81,14 @@ class ViewKind:
     """Pairs of two views from anywhere, each measured as the kind does."""
 
     name: str  # a key of SCAN_KINDS
-    measured: Callable[[Shot], Scan]  # what the sonar writes down of a view
+    scenes: tuple[str, ...]  # keys of SCENE_KINDS, in turns; every relief is among them
+    measured: Callable[[Shot], Scan]  # what the sonar makes of a view
     # makes the observer of a scan of the one that is still
     equip: Callable[[Observer, np.random.Generator], Observer] = lambda still, rng: still
 
     def pair(self, number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
         """Pair `number` of the set `seed`. Raises InputError: the scene has no such pair."""
-        draws, noise = pair_draws(self.name, number, seed), noise_of(self.name, number, scene)
+        draws, noise = pair_draws(self.name, number, seed), noise_of(number, self.scenes)
         still = observer_of(scene, draws.scene)
         observers = self.equip(still, draws.poses), self.equip(still, draws.poses)
         target, source, shared = draw_views(observers, overlaps, draws.poses)
@@ -116,8 +110,8 @@ REACH = (0.6, 1.3)  # of such a source from that middle, in shares of the target
 def draw_views(
     observers: tuple[Observer, Observer], overlaps: tuple[float, float], rng: np.random.Generator
 ) -> tuple[View, View, float]:
-    """A target's view and a source's of one scene, and what they share, within `overlaps`: roll and pitch up to 10
-    degrees each, on any heading that leaves such an overlap. Raises InputError: none found from 8 places."""
+    """A target's view and a source's of one scene, and what they share, within `overlaps`: on any headings, roll and
+    pitch up to 10 degrees each. Raises InputError: none from 8 places."""
     looker, partner = observers
     for _ in range(PLACES):
         target = first_view(looker, POSE_TILT, rng)

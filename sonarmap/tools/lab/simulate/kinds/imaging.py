@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.tools.lab.simulate.kinds.kind import FROM_ABOVE
 from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
-from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
-from sonarmap.tools.lab.simulate.kinds.water import Water
-from sonarmap.tools.lab.simulate.pairs.viewpoints import heading_at
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, pick, walk
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
+from sonarmap.tools.lab.simulate.viewpoints import heading_at
 
 BEAMS, RAYS = 256, 11
 AZIMUTHS = math.radians(130)
@@ -168,4 +168,4 @@ def imager(water: Water, rng: np.random.Generator) -> Imager:
     return Imager(water, fan, by_depth, detector, rng.uniform(*MULTIPATH), rng.uniform(*SIDE_LOBES))
 
 
-imaging_pair = SweepKind("imaging", imager, seen_from=False).pair  # a builder of SCAN_KINDS
+IMAGING = SweepKind("imaging", FROM_ABOVE, imager, seen_from=False)

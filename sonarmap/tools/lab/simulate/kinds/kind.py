@@ -1,4 +1,4 @@
-"""A pair of scans of some kind, and the truth of both poses."""
+"""A pair of scans of some kind, the truth of both poses, and the scenes that kinds are seen in."""
 
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -11,15 +11,24 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, measure_pose
 
-# What a scene gives a registration to hold on to: "flat", hardly anything; "weak", low relief or few objects; "rich",
-# structure in all directions; "twins", rich, but looking the same from several sides or places.
+# Structure of a scene: "flat", hardly any; "weak", low relief or few objects; "rich", in all directions; "twins", rich,
+# but looking the same from several sides or places
 Relief = Literal["flat", "weak", "rich", "twins"]
-RELIEFS: tuple[Relief, ...] = ("flat", "weak", "rich", "twins")
 
 # Shares of the points in common between which pairs are drawn, in turns
 OVERLAPS = ((0.2, 0.4), (0.4, 0.6), (0.6, 0.9))
-# Streams of a pair's seed for the errors of the target's and the source's instruments, apart from those of the scans
-_STREAMS = 71, 72
+# Streams of a pair's seed for the errors of the target's and the source's instruments
+_STREAMS = (71, 72)
+
+# Scenes of a kind, in turns: one flat, two weak, five rich, three with twins; an odd number, so that what alternates
+# with the pairs' numbers does so over every scene
+LARGE_AND_SMALL = (
+    *("flatbed", "floodgate", "seabed", "ship", "bridge", "shallow"),
+    *("manifold", "wreck", "harbor", "pool", "clutter"),
+)
+SMALL = ("pool", "rubble", "shallow", "manifold", "sandflat")
+# For what looks down: the pool, not a ship's underside, and rubble in its place
+FROM_ABOVE = tuple({"ship": "pool", "pool": "rubble"}.get(scene, scene) for scene in LARGE_AND_SMALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +49,7 @@ class KindPair:
 
     @property
     def relief(self) -> Relief:
-        """What the scene gives to hold on to."""
+        """Of the scene."""
         return relief_of(self.scene)
 
     @property
@@ -49,10 +58,7 @@ class KindPair:
         return self.T_world_target.inv() * self.T_world_source
 
     def with_priors(self, instruments: Instruments) -> "KindPair":
-        """The same pair, its scans with what a vehicle's instruments say of their poses.
-
-        Their errors depend on the seed and the number alone: more instruments change nothing in the others' errors.
-        """
+        """The same pair with what instruments measure of its poses; the errors depend on seed and number alone."""
         generators = (np.random.default_rng([self.seed, self.number, stream]) for stream in _STREAMS)
         target, source = (
             replace(scan, prior=measure_pose(pose, instruments, rng))

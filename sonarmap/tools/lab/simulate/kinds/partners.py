@@ -1,27 +1,28 @@
 """Two sweeps of one scene with a wanted overlap: searched with few rays, decided with all."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.kinds.draws import noise_of, pair_draws
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair, relief_of
-from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, meet, pick, true_points, write_scan
-from sonarmap.tools.lab.simulate.kinds.water import Water
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, meet, pick, true_points, write_scan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap, share_near
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
+from sonarmap.tools.lab.simulate.viewpoints import Candidate, WantedOverlap, find_partner
 
-PLACES, TRIES = 6, 60  # of the target, and of either sweep at each place, before a pair is given up
+PLACES = 6  # of the target, before a pair is given up
+TRIES = 60  # of either sweep at each place
 THIN = 8  # the coarse search takes every THIN-th ping and beam
 DOUBT = 0.12  # an overlap by the coarse points is at most this far from the one by all
 SEEN_LEAST = 0.2  # of the beams
-STRUCTURED = ("rich", "twins")  # scenes of these reliefs show a scan more than their bed:
-STRUCTURE = 0.05  # least share of its points that lie off the plane that fits it best,
-BED_RELIEF = 0.015  # by this share of the maximum range
+STRUCTURED = ("rich", "twins")  # reliefs of scenes that show a scan more than their bed
+STRUCTURE = 0.05  # least share of such a scan's points off the plane that fits it best
+BED_RELIEF = 0.015  # by which they are off it, in shares of the maximum range
 
 
 class Instrument(Protocol):
@@ -60,6 +61,7 @@ class SweepKind:
     """Pairs of two sweeps of an instrument through one scene."""
 
     name: str  # a key of SCAN_KINDS
+    scenes: tuple[str, ...]  # keys of SCENE_KINDS, in turns; every relief is among them
     equip: Callable[[Water, np.random.Generator], Instrument]  # draws the instrument
     seen_from: bool = True  # whether the points of even numbers say where they were seen from
 
@@ -68,8 +70,8 @@ class SweepKind:
         draws = pair_draws(self.name, number, seed)
         water = Water(build_scene(scene, draws.scene))
         instrument = self.equip(water, draws.poses)
-        target, source, shared = _search(water, instrument, overlaps, OVERLAP_RADIUS * water.scale, draws.poses)
-        noise = noise_of(self.name, number, scene)
+        target, source, shared = _search(water, instrument, overlaps, draws.poses)
+        noise = noise_of(number, self.scenes)
         # of a sonar that listens up to a share of the range that the noise is of; without ghosts
         gate = instrument.fan.sensor.max_range / water.sensor.max_range
         noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
@@ -83,28 +85,23 @@ class SweepKind:
 
 
 def _search(
-    water: Water, instrument: Instrument, overlaps: tuple[float, float], radius: float, rng: np.random.Generator
+    water: Water, instrument: Instrument, overlaps: tuple[float, float], rng: np.random.Generator
 ) -> tuple[Seen, Seen, float]:
     """Target, source and what they share."""
+
+    def candidates(target: Sweep) -> Iterator[Candidate[Seen]]:
+        for _ in range(TRIES):
+            sweep = instrument.source(target, overlaps, rng)
+            few = _coarse(water, instrument.fan, sweep)
+            if few is not None:
+                yield sweep.T_world_frame, few, partial(_look, water, instrument, sweep)
+
+    wanted = WantedOverlap(*overlaps, OVERLAP_RADIUS * water.scale, DOUBT, THIN**2)
     for _ in range(PLACES):
         target = _first(water, instrument, rng)
-        T_frame_world = target.sweep.T_world_frame.inv()
-        known, sample = KDTree(target.points), target.points[:: THIN**2]
-        for _ in range(TRIES):
-            sweep = instrument.source(target.sweep, overlaps, rng)
-            few = _coarse(water, instrument.fan, sweep)
-            if few is None:
-                continue
-            there = share_near(known, (T_frame_world * sweep.T_world_frame).apply(few), radius)
-            if there < overlaps[0] - DOUBT or (source := _look(water, instrument, sweep)) is None:
-                continue
-            T_target_source = T_frame_world * sweep.T_world_frame
-            back = share_near(KDTree(source.points), T_target_source.inv().apply(sample), radius)
-            if not overlaps[0] - DOUBT <= min(there, back) <= overlaps[1] + DOUBT:
-                continue
-            shared = mutual_overlap(target.points, source.points, T_target_source, radius)
-            if overlaps[0] <= shared <= overlaps[1]:
-                return target, source, shared
+        found = find_partner(target.points, target.sweep.T_world_frame, candidates(target.sweep), wanted)
+        if found is not None:
+            return target, *found
     raise InputError(
         f"no two sweeps of {water.scene.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: {PLACES} "
         f"targets, {TRIES} sources tried for each; widen the range or take another number"

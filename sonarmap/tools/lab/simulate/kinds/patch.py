@@ -13,10 +13,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
-from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
-from sonarmap.tools.lab.simulate.sensing.ghosts import measure
-from sonarmap.tools.lab.simulate.sensing.noise import scan_of
+from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL
+from sonarmap.tools.lab.simulate.sensing.noise import measure, scan_of
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
+from sonarmap.tools.lab.simulate.viewpoints import Observer, View
 
 COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the last
 
@@ -169,4 +169,4 @@ def merged_scan(shot: Shot) -> Scan:
     )
 
 
-patch_pair = ViewKind("patch", merged_scan, on_path).pair  # a builder of SCAN_KINDS
+PATCH = ViewKind("patch", LARGE_AND_SMALL, merged_scan, on_path)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL
 from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
-from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
-from sonarmap.tools.lab.simulate.kinds.water import Water
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, pick, walk
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 WIDTHS = (math.radians(1.7), math.radians(3.0))  # of the beam, least and greatest
@@ -107,4 +107,4 @@ def profiler(water: Water, rng: np.random.Generator) -> Profiler:
     return Profiler(water, Fan(sensor, beams, rays, gains), pans - pans[len(pans) // 2], bool(rng.random() < 0.5))
 
 
-profiler_pair = SweepKind("profiler", profiler).pair  # a builder of SCAN_KINDS
+PROFILER = SweepKind("profiler", LARGE_AND_SMALL, profiler)

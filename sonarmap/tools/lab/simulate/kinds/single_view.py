@@ -33,8 +33,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
-from sonarmap.tools.lab.simulate.sensing.ghosts import reflect, reflect_beams
-from sonarmap.tools.lab.simulate.sensing.noise import disturb, fade, pick_strongest, scan_of
+from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL, SMALL
+from sonarmap.tools.lab.simulate.sensing.noise import disturb, fade, pick_strongest, reflect, reflect_beams, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
 
 SPEED_ERROR = 0.02  # greatest relative error of the sound speed, each scan's its own
@@ -136,14 +136,13 @@ def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
     return _write(shot, echoes, ghosts, np.tile(motion.times(sensor.rows)[:, None], sensor.columns))
 
 
-# The builders of SCAN_KINDS
-sound_speed_pair = ViewKind("sound_speed", scaled_scan).pair
-range_bias_pair = ViewKind("range_bias", shifted_scan).pair
-sonar3d15_pair = ViewKind("sonar3d15", real_scan).pair
-moving_pair = ViewKind("moving", moving_scan).pair
-
-
 def _write(shot: Shot, echoes: Echoes, ghosts: Echoes | None, times: np.ndarray | None = None) -> Scan:
     sensor = shot.observer.sensor
     noisy = disturb(echoes, sensor, shot.noise, shot.rng, ghosts)
     return scan_of(noisy, sensor, stamp=shot.stamp, name=shot.name, times=times)
+
+
+SOUND_SPEED = ViewKind("sound_speed", LARGE_AND_SMALL, scaled_scan)
+RANGE_BIAS = ViewKind("range_bias", LARGE_AND_SMALL, shifted_scan)
+SONAR3D15 = ViewKind("sonar3d15", SMALL, real_scan)
+MOVING = ViewKind("moving", LARGE_AND_SMALL, moving_scan)

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.tools.lab.simulate.kinds.kind import FROM_ABOVE
 from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
-from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk, wobble
-from sonarmap.tools.lab.simulate.kinds.water import Water
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, pick, walk, wobble
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 BEAMS = 256
@@ -117,4 +117,4 @@ def sounder(water: Water, rng: np.random.Generator) -> Sounder:
     return Sounder(water, Fan(sensor, beams, rays, 10 ** (-0.6 * (fore / (ALONG / 2)) ** 2)), across)
 
 
-swath_pair = SweepKind("swath", sounder).pair  # a builder of SCAN_KINDS
+SWATH = SweepKind("swath", FROM_ABOVE, sounder)

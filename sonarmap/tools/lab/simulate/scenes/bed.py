@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, ellipsoid, height_field, merge, rod
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, ellipsoid, height_field, merge, rod
 
 SCENE_EDGE = 256.0  # side of every built scene [m]
 BED_CELL = 1.6  # raster of the bed [m]

@@ -1,5 +1,5 @@
 """The scenes that can be simulated: what each shows, how large it is, what builds it. A new scene is a file beside
-this one and a row here; the path of a survey through it is laid in paths/routes.py.
+this one and a row here; the path of a survey through it is laid in routes.py.
 
 Nothing heavy is imported here: the command line's help reads the table.
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from sonarmap.kernels.errors import InputError
 
 if TYPE_CHECKING:
-    from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+    from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 
 FULL_EDGE = 256.0  # side of the paper's grid, and of the scenes that fill it [m]
 
@@ -74,7 +74,7 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
     {
         "floodgate": _full("floodgate:floodgate", "a flood gate with piers, gates, a lock and shores"),
         "harbor": _full("harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"),
-        "clutter": _full("clutter:clutter", "solids strewn over a bed"),
+        "clutter": _full("open_bed:clutter", "solids strewn over a bed"),
         "ship": _kind("ship:ship", "the underside of a ship over a bed", _LARGE, (80, 80), (-22, -3), inward=True),
         "pool": _kind("pool:pool", "a swimming pool of 25 m by 12.5 m", (25, 12.5), (11.5, 5.2), (-3, -0.4)),
         "manifold": _kind(
@@ -87,7 +87,7 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
         "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
         "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
         "rubble": _kind(
-            "clutter:rubble", "the clutter made smaller, 40 m on a side", (40, 40), (12.5, 12.5), (-9, -0.3)
+            "open_bed:rubble", "the clutter made smaller, 40 m on a side", (40, 40), (12.5, 12.5), (-9, -0.3)
         ),
     }
 )

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, raster, relief, scene_of
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, prism, wall
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, prism, wall
 
 BED_DEPTH = -19.0  # mean height of the river's bed [m]
 QUAY_TOP = 6.0

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, raster, relief, scene_of
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, loft, wall
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, loft, wall
 
 BED_DEPTH = -14.0
 FOOT = -28.0

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, height_at, relief, scene_of
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, merge, tube
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, ellipsoid, merge, tube
 
 BED_DEPTH = -40.0
 SCALE = SCENE_KINDS["manifold"].scale  # of the bed, against the 256 m scenes' one

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, rod
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, rod
 
 LENGTH, WIDTH = 25.0, 12.5  # of the water [m], along x and y; the deep end is at -x
 DECK_TOP = 0.3

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, relief, scene_of, tilted
 from sonarmap.tools.lab.simulate.scenes.harbor import hull
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, loft, rod
+from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, ellipsoid, loft, rod
 
 BLADES = 4
 

@@ -5,14 +5,13 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from sonarmap.tools.lab.simulate.kinds import imaging, partners, profiler, swath
-from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair, scan_kind
+from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.draws import pair_draws
-from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, RELIEFS, KindPair, relief_of
+from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, KindPair, relief_of
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import QUIET
 
@@ -110,7 +109,7 @@ def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, mon
 
 def test_every_kind_meets_every_relief_and_every_scene_has_one():
     for kind in SCAN_KINDS.values():
-        assert {relief_of(scene) for scene in kind.scenes} == set(RELIEFS)
+        assert {relief_of(scene) for scene in kind.scenes} == set(RELIEF_OF.values())
     assert set(RELIEF_OF) == set(SCENE_KINDS)
     refuses("moon", relief_of, "moon")
     # what alternates with the pairs' numbers, as a patch's viewpoints do, does so over every scene
@@ -118,7 +117,7 @@ def test_every_kind_meets_every_relief_and_every_scene_has_one():
 
 
 def test_what_does_not_exist_is_refused():
-    refuses("there are", scan_kind, "sidescan")
+    refuses("there are", kind_pair, "sidescan", 0, 0)
     refuses(">= 0", kind_pair, "patch", -1, 0)
 
 

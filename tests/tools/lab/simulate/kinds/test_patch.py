@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import patch
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
-from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.scenes.scene import surface_distance
+from sonarmap.tools.lab.simulate.viewpoints import first_view
 from tests.samples.scenes.simulated import QUIET
 
 

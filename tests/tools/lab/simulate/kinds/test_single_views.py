@@ -11,12 +11,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import single_view
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
-from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View, first_view
-from sonarmap.tools.lab.simulate.scenes.scene import Scene
+from sonarmap.tools.lab.simulate.scenes.scene import Scene, surface_distance
+from sonarmap.tools.lab.simulate.scenes.solids import box
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
 from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
-from sonarmap.tools.lab.simulate.shapes.solids import box
-from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.viewpoints import Observer, View, first_view
 from tests.samples.scenes.simulated import QUIET
 
 FEW = Sensor("few", np.deg2rad(60), np.deg2rad(40), 31, 21, 0.1, 40.0)

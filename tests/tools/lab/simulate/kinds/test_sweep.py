@@ -13,6 +13,7 @@ from sonarmap.tools.lab.simulate.kinds.sweep import (
     Fan,
     Returns,
     Sweep,
+    Water,
     meet,
     pick,
     true_points,
@@ -20,11 +21,10 @@ from sonarmap.tools.lab.simulate.kinds.sweep import (
     wobble,
     write_scan,
 )
-from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
+from sonarmap.tools.lab.simulate.scenes.solids import box, merge
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
-from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import QUIET
 

@@ -1,22 +1,21 @@
-"""Random pairs of scans, with a wanted overlap or with nothing in common, for tests and to develop and judge with."""
+"""Random pairs of scans, with a wanted overlap or with nothing in common, and sets of them, the same for a seed."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.pairs.viewpoints import TRIES, Observer, View, aside, attitude, first_view
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, scene_kind
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.ghosts import measure
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, scan_of
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
+from sonarmap.tools.lab.simulate.viewpoints import TRIES, Observer, View, aside, attitude, first_view
 
 Turn = Literal["view", "yaw", "any"]
 POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
@@ -70,9 +69,7 @@ LITTLE_TURNED = Turning()
 
 
 def draw_turn(turning: Turning, rng: np.random.Generator) -> FrameTurn:
-    """A frame's turn, its roll and pitch uniform up to the largest tilt. Raises InputError: an unknown turn."""
-    if turning.kind not in get_args(Turn):
-        raise InputError(f"a pair's turn is {turning.kind!r}; wanted one of {', '.join(get_args(Turn))}")
+    """A frame's turn, its roll and pitch uniform up to the largest tilt."""
     about_z = rng.uniform(-np.pi, np.pi)
     pitch, roll = rng.uniform(-turning.max_tilt, turning.max_tilt, 2)
     # a normal vector of four numbers points anywhere evenly, and so does its unit quaternion
@@ -100,12 +97,11 @@ def random_pair(
     turning: Turning = LITTLE_TURNED,
 ) -> tuple[Scan, Scan, RigidTransform]:
     """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`: target Scan, source
-    Scan and T_target_source, all between the scans' frames, whose origins are the viewpoints.
+    Scan and T_target_source between their frames, whose origins are the viewpoints.
 
-    The overlap is the share of the points within 2 m of the other scan, the smaller of both ways, also of echoes under
-    a sensor's threshold; in a smaller scene the radius is smaller by the same factor. The seed decides the scene, the
-    poses and the noise. Without a sensor, the bare fan of the one that suits the scene is taken. Raises InputError: an
-    unknown turn, or no such pair was found from 8 places.
+    The overlap is the share of the points within 2 m of the other scan, the smaller of both ways; in a smaller scene
+    the radius is smaller by the same factor. The seed decides the scene, the poses and the noise. Without a sensor, the
+    bare fan of the one that suits the scene is taken. Raises InputError: no such pair from 8 places.
     """
     observer = _observer(scene, seed, sensor)
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
@@ -123,19 +119,16 @@ def random_pair(
     return scans[0], _reframed(scans[1], R_sensor_frame), T_target_sensor * RigidTransform.from_rotation(R_sensor_frame)
 
 
-def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str | None) -> tuple[Scan, Scan]:
-    """Two scans that share nothing, target and source: of two scenes of one size, seen with the same sensor from random
-    poses.
+def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str) -> tuple[Scan, Scan]:
+    """Two scans that share nothing, target and source: of `scene` and another scene of its size, by the same sensor.
 
-    The scenes, the target's `scene` or any, are of different kinds, or of one kind whose whole plan is drawn, from two
-    seeds. The source's frame is turned as random_pair's with the turn "yaw", about z by any angle and tilted by up to
-    `max_tilt` [rad], as if the poses' headings and heights were one world's. Raises InputError: no scene of that name,
-    or one without a clear place.
+    The other is of another kind, or of the same kind if a seed draws its whole plan. The source's frame is turned as
+    random_pair's with the turn "yaw" and tilted by up to `max_tilt` [rad]. Raises InputError: no scene of that name, or
+    one without a clear place.
     """
     *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
     rng = np.random.default_rng(draw_seed)
-    name, other = draw_strangers(scene, rng)
-    observers = _observer(name, seed), _observer(other, seed + 1)
+    observers = _observer(scene, seed), _observer(str(rng.choice(unrelated_scenes(scene))), seed + 1)
     frame = draw_turn(Turning("yaw", max_tilt), rng)
     target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
     R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
@@ -146,19 +139,9 @@ def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str | None) 
     )
 
 
-def draw_strangers(scene: str | None, rng: np.random.Generator) -> tuple[str, str]:
-    """The scenes of an unrelated pair's target, any of STRANGERS if left out, and of its source. Raises InputError: no
-    scene of that name."""
-    name = str(rng.choice(STRANGERS)) if scene is None else scene
-    return name, str(rng.choice(unrelated_scenes(name)))
-
-
 def unrelated_scenes(scene: str) -> tuple[str, ...]:
-    """Those of STRANGERS of about the size of `scene` that, built from another seed, have nothing in common with it.
-    Raises InputError: no scene of that name."""
-    if scene not in SCENE_KINDS:
-        raise InputError(f"no scene is called {scene!r}; there are {', '.join(SCENE_KINDS)}")
-    sensor = SCENE_KINDS[scene].sensor
+    """Those of STRANGERS of about the size of `scene` that, built from another seed, have nothing in common with it."""
+    sensor = scene_kind(scene).sensor
     return tuple(name for name in STRANGERS if SCENE_KINDS[name].sensor == sensor and (name != scene or name in DRAWN))
 
 
@@ -218,3 +201,79 @@ def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:
     if scan.viewpoints is None:
         return replace(scan, points=points)
     return replace(scan, points=points, viewpoints=R_frame_sensor.apply(scan.viewpoints).astype(np.float32))
+
+
+# Sets of pairs to evaluate a registration on, without an end: 15 pairs of each scene in a row meet every range of
+# overlap with every noise. The order decides what pair n is: a new scene is appended, and makes another set.
+SET_SCENES = ("floodgate", "pool", "bridge", "harbor", "manifold", "wreck", "clutter", "ship")
+SET_OVERLAPS = ((0.05, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
+SET_SIGMA2 = (0.0, 1.0, 2.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2]
+SET_TILT = math.radians(35.0)  # largest roll and pitch of the pairs with the turn "yaw"
+
+OUTLIERS, DROPOUTS = 0.03, 0.2
+GHOSTS, SPECKLE = 0.02, 1.0  # as in a simulated survey
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationPair:
+    """One pair of a set, before it is simulated."""
+
+    number: int  # which of the set
+    scene: str  # a key of SCENE_KINDS
+    overlaps: tuple[float, float]  # least and greatest share of the points in common, as random_pair takes them
+    turn: Turn  # of the source's frame, as `Turning` has it
+    noise: Noise  # its sigma2 is 0, 1 or 2 m^2 times the square of the scene's scale
+    seed: int  # of the scene, the poses and the noise
+
+    def scans(self) -> tuple[Scan, Scan, RigidTransform]:
+        """Target Scan, source Scan and T_target_source between their frames."""
+        return random_pair(self.seed, self.overlaps, self.noise, self.scene, turning=Turning(self.turn, SET_TILT))
+
+
+@dataclass(frozen=True, slots=True)
+class UnrelatedPair:
+    """One pair of a set of scans that share nothing, before it is simulated."""
+
+    number: int  # which of the set
+    scene: str  # the target's; the source's is one of its `unrelated_scenes`, chosen by the seed
+    noise: Noise  # as EvaluationPair's
+    seed: int  # of the scenes, the poses and the noise
+
+    def scans(self) -> tuple[Scan, Scan]:
+        """Target Scan and source Scan; no transform is true between them."""
+        return unrelated_pair(self.seed, self.noise, SET_TILT, self.scene)
+
+
+def evaluation_pair(number: int, seed: int, turn: Turn) -> EvaluationPair:
+    """Pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
+    scene = _of_scenes(number, seed)
+    return EvaluationPair(
+        number,
+        scene,
+        SET_OVERLAPS[number % len(SET_OVERLAPS)],
+        turn,
+        _noise(number, scene),
+        _seed_of(number, seed, 1),
+    )
+
+
+def evaluation_unrelated(number: int, seed: int) -> UnrelatedPair:
+    """Unrelated pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
+    scene = _of_scenes(number, seed)
+    return UnrelatedPair(number, scene, _noise(number, scene), _seed_of(number, seed, 2))
+
+
+def _of_scenes(number: int, seed: int) -> str:
+    if number < 0 or seed < 0:
+        raise InputError(f"pair {number} of the set {seed}; wanted two numbers >= 0")
+    return SET_SCENES[number % len(SET_SCENES)]
+
+
+def _noise(number: int, scene: str) -> Noise:
+    sigma2 = SET_SIGMA2[number // len(SET_SCENES) % len(SET_SIGMA2)] * SCENE_KINDS[scene].scale ** 2
+    return Noise(sigma2, OUTLIERS, DROPOUTS, GHOSTS, SPECKLE)
+
+
+def _seed_of(number: int, seed: int, what: int) -> int:
+    """A seed of 32 bits: the pairs' scenes are ones that no test and no page has met."""
+    return int(np.random.SeedSequence([seed, number, what]).generate_state(1)[0])

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.paths.smooth_path import Path, lane_path, lanes, spline_path
 from sonarmap.tools.lab.simulate.scenes.bridge import bridge_layout
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.manifold import manifold_layout
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.scenes.ship import ship_layout
 from sonarmap.tools.lab.simulate.scenes.wreck import wreck_layout
+from sonarmap.tools.lab.simulate.smooth_path import Path, lane_path, lanes, spline_path
 
 BEDS = ("flatbed", "sandflat", "seabed", "shallow", "rubble")
 # In a scene of 256 m

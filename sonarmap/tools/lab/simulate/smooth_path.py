@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
-from sonarmap.tools.lab.simulate.shapes.solids import rounded
+from sonarmap.tools.lab.simulate.scenes.solids import rounded
 
 FINE = 200  # points that a path's length is measured on, for each of its corners
 TURNING = 5.0  # bends that a lane's heading is averaged over

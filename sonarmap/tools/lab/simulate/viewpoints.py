@@ -1,8 +1,9 @@
 """Two viewpoints in one scene with a wanted overlap: searched with few beams, decided with all."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -31,6 +32,49 @@ FAR_TURN = 1.0
 THIN = 8  # the coarse search takes at most every THIN-th beam of a row and of a column,
 COARSE_BEAMS = 768  # and at least this many beams in all
 DOUBT = 0.1  # an overlap by the coarse points is at most this far from the one by all beams
+
+
+class _Pointed(Protocol):
+    @property
+    def points(self) -> np.ndarray: ...
+
+
+Look = TypeVar("Look", bound=_Pointed)
+# T_world_frame of a scan that may do, points (N, 3) [m] of a few of its beams in that frame, and what all of them show
+Candidate = tuple[RigidTransform, np.ndarray, Callable[[], Look | None]]
+
+
+@dataclass(frozen=True, slots=True)
+class WantedOverlap:
+    """An overlap that two scans are to have."""
+
+    least: float
+    most: float
+    radius: float  # within which points have a counterpart [m]
+    doubt: float  # largest difference of an overlap by a few points from the one by all
+    thin: int  # every thin-th point of the target counts in a first look
+
+
+def find_partner(
+    points: np.ndarray, T_world_target: RigidTransform, candidates: Iterable[Candidate[Look]], wanted: WantedOverlap
+) -> tuple[Look, float] | None:
+    """The first candidate that has the wanted overlap with a target's points (N, 3) [m], and the overlap; or None.
+
+    Few points reject a candidate where they leave no doubt; all points decide on the others.
+    """
+    known, sample = KDTree(points), points[:: wanted.thin]
+    for T_world_source, coarse, look in candidates:
+        T_target_source = T_world_target.inv() * T_world_source
+        there = share_near(known, T_target_source.apply(coarse), wanted.radius)
+        if there < wanted.least - wanted.doubt or (seen := look()) is None:
+            continue
+        back = share_near(KDTree(seen.points), T_target_source.inv().apply(sample), wanted.radius)
+        if not wanted.least - wanted.doubt <= min(there, back) <= wanted.most + wanted.doubt:
+            continue
+        share = mutual_overlap(points, seen.points, T_target_source, wanted.radius)
+        if wanted.least <= share <= wanted.most:
+            return seen, share
+    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,30 +122,18 @@ class Observer:
     def find_partner(
         self, target: View, overlaps: tuple[float, float], poses: Callable[[], RigidTransform]
     ) -> tuple[View, float] | None:
-        """The first view of TRIES drawn `poses` whose overlap with the target's is within `overlaps`, and it; or None.
+        """The first view of TRIES `poses` that has an overlap with the target's within `overlaps`, and it; or None."""
 
-        A pose is rejected by few beams where these leave no doubt; all beams decide on the others.
-        """
+        def candidates() -> Iterator[Candidate[View]]:
+            for _ in range(TRIES):
+                pose = poses()
+                coarse = self.coarse_points(pose) if self.is_free(pose) else None
+                if coarse is not None:
+                    yield pose, coarse, partial(self.view, pose)
+
         radius = OVERLAP_RADIUS * self.world.kind.scale
-        known, sample = KDTree(target.points), target.points[:: max(self._stride**2 - 1, 1)]
-        for _ in range(TRIES):
-            pose = poses()
-            if not self.is_free(pose):
-                continue
-            T_target_source = target.T_world_sensor.inv() * pose
-            coarse = self.coarse_points(pose)
-            if coarse is None:
-                continue
-            there = share_near(known, T_target_source.apply(coarse), radius)
-            if there < overlaps[0] - DOUBT or (seen := self.view(pose)) is None:
-                continue
-            back = share_near(KDTree(seen.points), T_target_source.inv().apply(sample), radius)
-            if not overlaps[0] - DOUBT <= min(there, back) <= overlaps[1] + DOUBT:
-                continue
-            share = mutual_overlap(target.points, seen.points, T_target_source, radius)
-            if overlaps[0] <= share <= overlaps[1]:
-                return seen, share
-        return None
+        wanted = WantedOverlap(*overlaps, radius, DOUBT, max(self._stride**2 - 1, 1))
+        return find_partner(target.points, target.T_world_sensor, candidates(), wanted)
 
     def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
         """Points (K, 3) [m, sensor frame] of a few beams; None where these already show that the view will not do."""

@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.ndimage import distance_transform_cdt
 
-from sonarmap.tools.lab.simulate.shapes.structure import NOISES, VoxelNoise, envelope, swap
-from tests.samples.refusals import refuses
+from sonarmap.tools.lab.reproduce.structures import NOISES, VoxelNoise, envelope, swap
 
 SHAPE = (23, 40, 31)
 
@@ -68,13 +67,3 @@ def test_one_seed_flips_the_same_voxels_and_another_others():
     assert (swap(occupied, noise, generator()) != swap(occupied, noise, generator(4))).any()
     turned = np.asfortranarray(occupied)
     assert_array_equal(swap(turned, noise, generator()), swap(occupied, noise, generator()))
-
-
-@pytest.mark.parametrize("bad", [(1.1, 5), (np.nan, 5), (0.1, -1)])
-def test_impossible_noise_is_refused(bad: tuple[float, int]):
-    refuses("wanted", VoxelNoise, *bad)
-
-
-@pytest.mark.parametrize("volume", [np.zeros((4, 4, 4), np.float32), np.zeros((4, 4), bool)])
-def test_what_is_no_boolean_volume_is_refused(volume: np.ndarray):
-    refuses(r"bool \(N, N, N\)", swap, volume, NOISES["D0"], generator())

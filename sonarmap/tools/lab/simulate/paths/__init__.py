@@ -1,1 +1,0 @@
-"""Where the sensor goes: paths through each scene, and the poses of surveys, dives and the paper's tables on them."""
