@@ -14,7 +14,6 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.lab.evaluate.trajectory import (
     ARM,
     Alignment,
-    PairError,
     align_poses,
     align_positions,
     associate,
@@ -196,11 +195,6 @@ def test_the_result_is_json():
     assert len(content["per_pose"]) == 6
     assert 0 < content["ate_m"]["median"] <= content["ate_m"]["max"]
     assert_allclose(content["ate_m"]["rms"] ** 2, np.mean([row["translation_m"] ** 2 for row in content["per_pose"]]))
-
-
-def test_right_means_6_degrees_and_3_voxels():
-    for degrees, meters, right in ((5.9, 5.9, True), (0, 6.1, False), (6.1, 0, False)):
-        assert PairError(degrees, meters).is_right(2.0) == right
 
 
 def test_a_single_pose_has_no_step():

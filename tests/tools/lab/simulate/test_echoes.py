@@ -79,15 +79,6 @@ def test_full_speckle_is_exponential_and_keeps_the_mean():
     assert partial.min() >= 0.7 * 0.7
 
 
-def test_the_threshold_keeps_the_share_of_speckle_above_it():
-    echoes = Echoes(np.full((200, 300), 40.0), np.full((200, 300), 0.5))
-    heard = disturb(echoes, replace(bare(ECLIPSE), threshold=0.4), Noise(speckle=1.0), generator())
-    kept = np.isfinite(heard.ranges)
-    assert_allclose(kept.mean(), np.exp(-0.4 / 0.5), atol=4 * np.sqrt(0.25 / kept.size))
-    assert heard.strengths[kept].min() >= 0.4
-    assert (heard.strengths[~kept] == 0).all()
-
-
 @pytest.mark.parametrize("noise", [QUIET, Noise(speckle=0.5), ALL])
 def test_a_higher_threshold_keeps_a_part_of_the_same_beams(noise: Noise):
     echoes, ghosts = varied()

@@ -10,7 +10,6 @@ from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.scenes.solids import box, merge
 from sonarmap.tools.lab.simulate.sensing.noise import MIRROR_LOSS_DB, Noise, disturb, reflect
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, Echoes, bare, cast
-from sonarmap.tools.lab.simulate.simulation import settings_from_json
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE
 
@@ -89,11 +88,3 @@ def test_a_share_of_the_beams_reports_its_ghost():
 def test_noise_with_ghosts_wants_them():
     echoes = Echoes(np.full((2, 3), 20.0), np.ones((2, 3)))
     refuses(r"wanted those of reflect\(\)", disturb, echoes, ECLIPSE, Noise(ghosts=0.1), np.random.default_rng(4))
-
-
-def test_a_description_from_before_there_was_a_pattern_means_a_bare_sensor():
-    old = {"name": "eclipse", "columns": 256, "rows": 192, "min_range": 0.4, "max_range": 120.0}
-    old |= {name: getattr(ECLIPSE, name) for name in ("horizontal", "vertical", "tilt")}
-    settings = settings_from_json({"sensor": old, "noise": {"sigma2": 1.0}})
-    assert settings.sensor == bare(ECLIPSE)
-    assert (settings.noise.ghosts, settings.noise.speckle) == (0.0, 0.0)

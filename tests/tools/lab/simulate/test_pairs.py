@@ -46,7 +46,7 @@ def _distances(target: Scan, source: Scan, T_target_source: RigidTransform) -> n
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("scene", "overlaps"), list(zip(SET_SCENES, SET_OVERLAPS * 2, strict=False)))
-@pytest.mark.parametrize("turn", ["yaw", "any"])
+@pytest.mark.parametrize("turn", ["view", "yaw", "any"])
 def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overlaps: tuple[float, float], turn: Turn):
     target, source, truth = random_pair(11, overlaps, QUIET, scene, _small(scene), Turning(turn, STEEP))
     radius = 2.0 * SCENE_KINDS[scene].scale

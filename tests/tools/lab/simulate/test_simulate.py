@@ -11,8 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.lab.simulate.folder import read_settings, write_simulation
-from sonarmap.tools.lab.simulate.random_pairs import random_pair
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SENSORS, bare
@@ -102,19 +100,6 @@ def test_a_description_that_is_none_is_refused(tmp_path, text: str | None):
     if text is not None:
         path.write_text(text)
     refuses(r"description\.json", read_settings, path)
-
-
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("scene", SCENE_KINDS)
-def test_a_random_pair_overlaps_as_wanted(scene: str):
-    kind = SCENE_KINDS[scene]
-    small = replace(SENSORS[kind.sensor], columns=128, rows=64)
-    target, source, T_target_source = random_pair(3, (0.4, 0.7), QUIET, scene, small)
-    assert 0.4 <= mutual_overlap(target.points, source.points, T_target_source, 2.0 * kind.scale) <= 0.7
-    again = random_pair(3, (0.4, 0.7), QUIET, scene, small)
-    assert_array_equal(again[1].points, source.points)
-    noisy = random_pair(3, (0.4, 0.7), Noise(sigma2=1.0), scene, small)
-    assert_array_equal(noisy[2].as_matrix(), T_target_source.as_matrix())
 
 
 SETTINGS = SimulationSettings(trajectory="lawnmower", count=9, sensor=COARSE, seed=6)

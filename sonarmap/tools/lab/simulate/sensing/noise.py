@@ -26,14 +26,14 @@ class Noise:
     outliers: float = 0.0  # share of the echoes whose range is instead uniform between the sensor's minimum and maximum
     dropouts: float = 0.0  # share of the echoes that are lost
     # share of the beams that report their second surface, seen in the first as in a mirror, where there is one: the
-    # multipath of tools.lab.simulate.sensing.noise
+    # multipath of `reflect`
     ghosts: float = 0.0
     # share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is Rayleigh distributed and
     # the strength, an intensity, exponentially; its mean stays (J. W. Goodman, Statistical Properties of Laser Speckle
     # Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
     speckle: float = 0.0
     # standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam reports the
-    # strongest echo of its lobe, as tools.lab.simulate.sensing.noise has it.
+    # strongest echo of its lobe.
     lobe: float = 0.0
 
     def __post_init__(self) -> None:
