@@ -167,10 +167,14 @@ SOURCES = (
     *(f"tools/lab/reproduce/{name}.py" for name in ("evidence", "kinds", "pairs", "registrations")),
 )
 _FOLDS = 5
-HELD_OUT, SET_HELD_OUT = "other pairs", "other sets"  # what probabilities are fitted to, in place of a pair itself
-# Pairs of which the table keeps what was measured alone: where that changes, the fit is out of date
-_KIND, _NUMBERS, _SEED, _EDGE = "patch", (1, 3, 4), 880_302, 64
-# What is measured alone: the table itself has a part in the others
+HELD_OUT = "other pairs"  # that probabilities are fitted to, in place of a pair itself
+SET_HELD_OUT = "other sets"
+# Pairs of which the table keeps what was measured: where that changes, the fit is out of date
+_KIND = "patch"
+_NUMBERS = (1, 3, 4)
+_SEED = 880_302
+_EDGE = 64
+# Clues that the table itself has no part in
 _MEASURED = ("psr", "view", "surface", "sharpness", "firmness", "overlap", "slide_0", "slide_1", "slide_2", "turn_0")
 
 

@@ -25,7 +25,7 @@ from sonarmap.spectral.verify.verifier import Observability
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.experiments import Row, Value
 from sonarmap.tools.lab.reproduce.kinds import LEVELED, NAVIGATION, NOTHING, PRIORS
-from sonarmap.tools.lab.reproduce.pairs import related, unrelated
+from sonarmap.tools.lab.reproduce.pairs import SetPair, related, unrelated
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 from sonarmap.tools.lab.simulate.plan import louder, plan
@@ -39,24 +39,19 @@ EXPECTED, ELSEWHERE = "expected", "expected elsewhere"
 _TURNS: tuple[Turn, ...] = ("view", "yaw", "any")
 # Standard deviations of expected poses, in turns [voxels; rad]
 _WINDOWS = ((1.0, 0.05), (4.0, 0.1), (12.0, 0.3))
-# Of a survey: how many scans, by which sensor (None: the scene's) and with how much of the usual noise in turns, and
-# how many scans apart its pairs are
-_SCANS, _SENSORS, _NOISES = 16, (None, "sonar3d15", "paper"), (1.0, 1.5, 2.0)
-_FAR = (2, 4, 8)
+_SCANS = 16  # of a survey
+_SENSORS = (None, "sonar3d15", "paper")  # of surveys, in turns; None: the scene's
+_NOISES = (1.0, 1.5, 2.0)  # of surveys, in turns, over the usual noise
+_FAR = (2, 4, 8)  # scans between pairs of a survey
 _RESTING = 4  # pairs of a sensor that hardly moves between its scans
-# What is done to one of two scans, in turns: a sign of y, and the factors of a wrong speed of sound
+# Of one of two scans, in turns: the sign of y of a mirrored one, or the factor of a wrong speed of sound
 _FACTORS = (-1.0, 0.95, 1.05)
 
 
 @dataclass(frozen=True, slots=True)
-class EvidencePair:
-    """One pair that is registered once."""
+class EvidencePair(SetPair):
+    """One pair that is registered once; its cells are set, number, scene, relief, known, apart (scans between)."""
 
-    cells: dict[str, Value]  # set, number, scene, relief, known, apart (scans of a survey between)
-    target: Scan
-    source: Scan
-    truth: RigidTransform | None  # T_target_source; None where no answer is right
-    grid: Grid
     expected: ExpectedPose | None = None  # where a vehicle's motion would expect it
     any_tilt: bool = False  # whether roll and pitch have no bound
 
@@ -176,8 +171,7 @@ def _cells(scene: str, known: str) -> dict[str, Value]:
     return {"scene": scene, "relief": relief_of(scene), "known": known, "apart": 0}
 
 
-# What says that no pose is right [degrees, voxels]
-_NOWHERE = 180.0, 1e3
+_NOWHERE = (180.0, 1e3)  # errors where no pose is right [degrees, voxels]
 
 
 class Recorder(SpectralRegistrar):

@@ -35,28 +35,29 @@ from sonarmap.tools.lab.simulate.trajectories import (
     table1,
 )
 
-# Measured: what a beam takes while its echo is computed, and what is kept of an echo and of a scan [bytes].
-_BEAM, _ECHO, _SCAN = 450, 16, 2000
+_BEAM_BYTES = 450  # of a beam while its echo is computed, as measured
+_ECHO_BYTES = 16  # that stay of an echo
+_SCAN_BYTES = 2000  # of a scan
 
 
 def check_size(count: int, columns: int, rows: int) -> None:
     """Refuse more scans, all kept until the last is done, or more beams than this machine's memory holds. Raises
     InputError: saying how many would fit."""
     available, beams = available_memory(), columns * rows
-    most_beams = available // (_BEAM + _ECHO)
-    if beams > most_beams:
+    one_scan = beams * (_BEAM_BYTES + _ECHO_BYTES)
+    if one_scan > available:
+        most_beams = available // (_BEAM_BYTES + _ECHO_BYTES)
         raise InputError(
-            f"a sensor of {columns:,} columns and {rows:,} rows needs {sized(beams * (_BEAM + _ECHO))} of memory for "
-            f"one scan, and this machine has {sized(available)} to spare; give at most {most_beams:,} beams, columns "
-            "times rows"
+            f"a sensor of {columns:,} columns and {rows:,} rows needs {sized(one_scan)} of memory for one scan, and "
+            f"this machine has {sized(available)} to spare; give at most {most_beams:,} beams, columns times rows"
         )
-    per_scan = beams * _ECHO + _SCAN
-    most_scans = max(1, (available - beams * _BEAM) // per_scan)
+    per_scan = beams * _ECHO_BYTES + _SCAN_BYTES
+    most_scans = max(1, (available - beams * _BEAM_BYTES) // per_scan)
     if count > most_scans:
+        needed = sized(beams * _BEAM_BYTES + count * per_scan)
         raise InputError(
-            f"{count:,} scans of {beams:,} beams need {sized(beams * _BEAM + count * per_scan)} of memory, and this "
-            f"machine has {sized(available)} to spare; give at most {most_scans:,} scans (`count`), or a sensor of "
-            "fewer beams"
+            f"{count:,} scans of {beams:,} beams need {needed} of memory, and this machine has {sized(available)} to "
+            f"spare; give at most {most_scans:,} scans (`count`), or a sensor of fewer beams"
         )
 
 

@@ -36,10 +36,7 @@ def check_dive(dive: int, trajectory: str) -> None:
 
 
 def start_of(covered: float, dive: int) -> float:
-    """Where on its path a dive begins that covers so much of it [m]: of two dives each goes where the other went.
-
-    By the golden ratio, so that no two begin close by; the second goes 62 % of its way where the first one did.
-    """
+    """Where on its path a dive that covers a length of it [m] begins, by the golden ratio: no two are close."""
     return float(covered * (SHIFT * (dive - 1) % 1))
 
 
@@ -78,25 +75,19 @@ LOOKING_ROUND = 12.0  # scans in which a sensor that looks to and fro is back
 def survey(
     scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
 ) -> Trajectory:
-    """Poses every `spacing` meters along the scene's closed path, with the motion of a small vessel.
+    """Poses every `spacing` meters along the scene's closed path, again and again, with the motion of a small vessel.
 
-    Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow sums of
-    sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the sensor's `reach` [m] see
-    `survey_path`. Raises InputError: a scene without a path, no scan, or a spacing that is not positive.
+    Roll, pitch, yaw and heave follow sums of sines whose phases come from `seed`. Stamps count the scans. Raises
+    InputError: a scene without a path, no scan, or a spacing that is not positive.
     """
-    path = survey_path(scene, seed, reach)
-    _require_scans("survey", count, spacing)
-    return _evenly(path, scene, count, seed, spacing, dive)
+    return _evenly(survey_path(scene, seed, reach), scene, count, seed, spacing, dive)
 
 
 def lawnmower(
     scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
 ) -> Trajectory:
-    """As `survey`, along lanes over the scene and tie lines across them, looking where it goes; the path crosses itself
-    long before it begins again."""
-    path = lawnmower_path(scene, seed, reach)
-    _require_scans("lawnmower", count, spacing)
-    return _evenly(path, scene, count, seed, spacing, dive)
+    """As `survey`, along lanes over the scene and tie lines across them, looking where it goes."""
+    return _evenly(lawnmower_path(scene, seed, reach), scene, count, seed, spacing, dive)
 
 
 def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
@@ -116,9 +107,9 @@ def looking_round(trajectory: Trajectory, turn: float) -> Trajectory:
 
 
 def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:
-    """T_world_sensor after each of the distances (N,) [m] along `path`, the vessel moved by waves; N poses.
+    """N poses T_world_sensor after each of the distances (N,) [m] along `path`, the vessel moved by waves.
 
-    The k-th pose's waves and drift depend on k, the seed and the dive alone, but for the scene's size.
+    The k-th pose's waves and drift depend on k, the seed, the dive and the scene's size alone.
     """
     places, heading = path.at(distance)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, 4, dive=dive)))
@@ -155,12 +146,9 @@ def table1(rows: int = TABLE1_COUNT) -> Trajectory:
     return Trajectory(np.arange(1.0 + rows), RigidTransform.concatenate([T_grid_rig, *moved]))
 
 
-def _require_scans(trajectory: str, count: int, spacing: float) -> None:
-    if count < 1 or not 0 < spacing < np.inf:
-        raise InputError(f"a {trajectory} of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
-
-
 def _evenly(path: Path, scene: str, count: int, seed: int, spacing: float, dive: int) -> Trajectory:
+    if count < 1 or not 0 < spacing < np.inf:
+        raise InputError(f"{count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
     start = start_of(min(count * spacing, path.length), dive)
     distance = start + spacing * np.arange(count)
     return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))

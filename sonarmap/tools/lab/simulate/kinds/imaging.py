@@ -1,11 +1,7 @@
 """A stacked imaging sonar: images of range and azimuth, taken at many depths or tilts, the elevation of echoes guessed.
 
-The sonar is wide in elevation and tells nothing of it: every echo is placed in the middle of its beam. The beams are
-those of a Blueprint Oculus (user manual: up to 130 degrees wide and 20 high) as real stacks of a swimming pool show
-them: 256 azimuths, evenly spaced in their sine, 0.4 degrees apart ahead and 0.95 at 65. Of these stacks the sizes
-below are taken: 120 to 370 images of which a quarter to a half hang at the lowest depth, one echo a beam; walls shift
-by 0.4 to 0.6 m over 4.5 m of depth and are 0.1 to 0.45 m thick at one; 2 to 8 % of the points lie 0.5 m behind their
-wall, and 1 to 2.5 % farther than 1.5 m, at 1.5 to 2.7 times its range.
+Every echo is placed in the middle of its beam. The beams are those of a Blueprint Oculus as real stacks of a swimming
+pool show them: 256 azimuths, evenly spaced in their sine. The sizes below are those of these stacks.
 """
 
 import math

@@ -1,9 +1,7 @@
 """Sweeps of a rotating profiler: one narrow beam that steps around a profile while it is panned, or its vehicle turns.
 
-Beam and steps are about those of small mechanical profilers, whose motors step by 0.9 or 1.8 degrees. A sweep takes
-minutes: the vehicle drifts while the profiles follow one another, and knows of it only in part. Within a profile it is
-taken to stand still. An echo is the strongest of seven rays in the beam. Points of a panned head have times: they are
-where a vehicle that stands still would have them. Those of a vehicle that turns are placed by its dead reckoning.
+The vehicle drifts during the minutes of a sweep, and knows of it only in part. Points of a panned head have times: they
+are where a vehicle that stands still would have them. Those of a vehicle that turns are placed by its dead reckoning.
 """
 
 import math

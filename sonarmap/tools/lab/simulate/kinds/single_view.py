@@ -1,28 +1,15 @@
 """Pairs of single views of a 3D sonar whose measurement is distorted: wrong ranges, few echoes, a sensor that moves.
 
-Wrong ranges. A sonar multiplies half the travel time by a sound speed. Set to 1,500 m/s it is wrong by 2 % in water of
-1,470 or 1,530 m/s: 6 to 7 degrees Celsius, or 22 parts per thousand of salt, away from where it was right (H. Medwin,
-Speed of sound in water: a simple equation for realistic parameters, 1975, doi 10.1121/1.380790). A constant is added by
-the delay of the electronics, by where on the sensor a range counts from, and by where on a pulse's echo the detector
-triggers: a pulse of 0.3 ms is 23 cm long. Calibrated sonars are better than the 1 % of the maximum range drawn here.
+Wrong ranges: a sound speed of 1,500 m/s is wrong by 2 % in water of 1,470 or 1,530 m/s (H. Medwin, Speed of sound in
+water: a simple equation for realistic parameters, 1975, doi 10.1121/1.380790). A constant is added by delays, by where
+on the sensor a range counts from, and by where on a pulse's echo the detector triggers.
 
-A Water Linked Sonar 3D-15 as it really is: few echoes, in patches, several beams alike. Measured on six range images of
-a ship's hull (Water Linked's wlsonar, tests/data/ship_short.sonar, 256 x 64 beams):
+A Water Linked Sonar 3D-15, as six range images of a ship's hull show it (wlsonar, tests/data/ship_short.sonar): 61 to
+67 % of the beams have a range, in patches that correlate by 0.66, 0.52, 0.42 and 0.33 over 1, 2, 4 and 8 columns; 45 %
+of the neighbors in a row have exactly the same one. So every beam picks the strongest echo of its lobe, speckle and
+slow fading included, and reports nothing where even that is weak.
 
-- 61 to 67 % of the beams have a range, 28 % in all six images and 11 % in none; whether a beam has one correlates by
-  0.66, 0.52, 0.42 and 0.33 with its neighbor 1, 2, 4 and 8 columns on, and by 0.62, 0.47, 0.35 and 0.28 over rows;
-  between consecutive images by 0.52.
-- 45 % of the neighbors in a row have exactly the same range: main lobes are wider than the beams' spacing, and one
-  strong echo is picked by several beams.
-- Ranges come in steps of 0.76 mm, nearly all of them in every second. On smooth parts they scatter by 0.5 to 2 cm.
-- 0.9 % of the echoes have at most four others within two beams, and 4 % are 1 m or more off the median of those.
-
-So here every beam picks the strongest echo of its lobe, speckle and slow fading included, and reports nothing where
-even that is weak. No other dropouts: those are the real ones.
-
-A moving sonar measures row after row, and takes itself for standing still. Its frame is the pose in the middle of the
-scan. A sonar that steers its rows one after another needs a second or so for a long range, and half of that for a short
-one: a row's echoes take 0.16 s from 120 m and 0.02 s from 15 m, and several rows share a ping.
+A moving sonar measures row after row in a second or half of one, and takes itself for standing still.
 """
 
 from collections.abc import Callable

@@ -1,11 +1,8 @@
 """Swaths of a multibeam echo sounder: a fan across the track of a vessel that moves while it measures.
 
-The fan is that of usual shallow-water sounders (256 beams over 120 to 150 degrees, 1 degree along track: R2Sonic 2022,
-data sheet). An echo is the strongest of three rays in the footprint. The sounder's own motion is measured and
-compensated but for small errors, those of a surveyor's error budget (R. Hare, Depth and position error budgets for
-multibeam echosounding, International Hydrographic Review 72(2), 1995): roll and pitch to about 0.1 degrees, heave to 5
-cm; navigation drifts by decimeters within a line, as dead reckoning with a Doppler log does (1 to 2 thousandths of the
-way: K. Tang et al., Sensors 13, 2013, doi 10.3390/s131114583).
+The fan is that of usual shallow-water sounders (R2Sonic 2022, data sheet). The sounder's motion is compensated but for
+the errors of a surveyor's budget (R. Hare, Depth and position error budgets for multibeam echosounding, International
+Hydrographic Review 72(2), 1995) and of dead reckoning (K. Tang et al., Sensors 13, 2013, doi 10.3390/s131114583).
 """
 
 import math
