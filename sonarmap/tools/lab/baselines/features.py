@@ -99,7 +99,7 @@ _FEWEST_MATCHES = 3  # that fix a transform
 # KISS-Matcher ends the program where no point has neighbors enough
 _NEIGHBORS = 5
 _NEIGHBOR_REACH = 3.0  # [voxels]
-_FEWEST_POINTS = 10  # with so many neighbors within that reach
+_FEWEST_POINTS = 10  # with as many neighbors within that reach
 
 
 class KissRegistrar(PointRegistrar):

@@ -86,7 +86,7 @@ class SurveySummary:
 
     stamps: np.ndarray  # (N,) float64 [s], of its scans
     components: tuple[tuple[int, ...], ...]  # indices of each component's scans, ascending
-    # of each component that instruments place in the world, what none of them tells (`slam.graph.gauge.MEASURED`);
+    # of each component that instruments place in the world, what none of them measured (`slam.graph.gauge.MEASURED`);
     # empty for the others
     unmeasured: tuple[tuple[str, ...], ...]
     # (N, 6, 6) of the poses relative to the first pose of their component, rotation first [rad, m], body tangent; None

@@ -59,7 +59,7 @@ class RealSet:
 
     @property
     def key(self) -> str:
-        """The name, and as much of the digest as tells this content from any other."""
+        """The name, and enough of the digest to distinguish contents."""
         return f"{self.name}@{self.digest[:8]}"
 
 

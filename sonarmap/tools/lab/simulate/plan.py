@@ -51,7 +51,7 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
 
 
 def louder(settings: SimulationSettings, factor: float) -> SimulationSettings:
-    """The same with so many times the standard deviation of the ranges' noise."""
+    """The same with `factor` times the standard deviation of the ranges' noise."""
     return replace(settings, noise=replace(settings.noise, sigma2=settings.noise.sigma2 * factor**2))
 
 

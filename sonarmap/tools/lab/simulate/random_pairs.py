@@ -79,7 +79,7 @@ def draw_turn(turning: Turning, rng: np.random.Generator) -> FrameTurn:
 NOISELESS = Noise()
 PLACES = 8  # of the target, before a pair is given up
 # The scenes that unrelated pairs are drawn from, in this order: it decides which pair a seed is. Open beds are not
-# among them: two of them look alike whatever their seeds
+# among them: two of them look the same whatever their seeds
 STRANGERS = ("floodgate", "harbor", "clutter", "ship", "pool", "manifold", "bridge", "wreck")
 # Those of them whose plan another seed draws anew, so that two of them have nothing in common
 DRAWN = ("clutter", "bridge", "wreck")

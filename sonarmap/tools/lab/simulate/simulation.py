@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -20,7 +20,6 @@ from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, measure, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast, cast_beams
-from sonarmap.tools.lab.simulate.sensing.unusable import Fault, choose_unusable
 from sonarmap.tools.lab.simulate.trajectories import (
     DIVING,
     SPACING,
@@ -34,6 +33,46 @@ from sonarmap.tools.lab.simulate.trajectories import (
     survey,
     table1,
 )
+
+Fault = Literal["empty", "noise"]
+_UNUSABLE_STREAM = 37  # of the seed: what is drawn here leaves the other scans what they are
+STRAY_ECHOES = (3, 12)  # of a nearly empty scan, least and most
+NOISY_BEAMS = (0.05, 0.3)  # share of the beams that bring noise back, least and most
+_WEAK = 0.002  # strength about which stray echoes lie, where the sensor's threshold is not above it
+
+
+def choose_faults(share: float, count: int, seed: int, dive: int = 1) -> dict[int, Fault]:
+    """Why round(share * count) of `count` scans are unusable, by their numbers; never the first.
+
+    A larger share keeps those of a smaller one. Raises InputError: no share, or one that leaves no two usable scans.
+    """
+    if not 0 <= share < 1:
+        raise InputError(f"unusable is {share}; wanted a share of the scans, 0 <= share < 1")
+    number = round(share * count)
+    if number > max(count - 2, 0):
+        raise InputError(f"unusable is {share}: {number} of {count} scans, which leaves no two; wanted a smaller share")
+    rng = np.random.default_rng(_unusable_seed(seed, dive))
+    chosen = 1 + np.argsort(rng.random(max(count - 1, 0)), kind="stable")[:number]
+    kinds = get_args(Fault)
+    return {int(k): kinds[place % len(kinds)] for place, k in enumerate(chosen)}
+
+
+def _unusable_scan(settings: "SimulationSettings", fault: Fault, number: int, name: str) -> Scan:
+    """Echoes that no surface gave, spread evenly over the beams and the ranges."""
+    sensor = settings.sensor
+    rng = np.random.default_rng(_unusable_seed(settings.seed, settings.dive, number))
+    beams = sensor.rows * sensor.columns
+    low, high = STRAY_ECHOES if fault == "empty" else [round(share * beams) for share in NOISY_BEAMS]
+    chosen = rng.choice(beams, min(int(rng.integers(low, high + 1)), beams), replace=False)
+    ranges = rng.uniform(sensor.min_range, sensor.max_range, len(chosen))
+    strength = max(sensor.threshold, _WEAK) * (1 + rng.standard_exponential(len(chosen)))
+    points = sensor.directions().reshape(-1, 3)[chosen] * ranges[:, None]
+    return Scan(points.astype(np.float32), strength.astype(np.float32), stamp=float(number), name=name)
+
+
+def _unusable_seed(seed: int, dive: int, *key: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(entropy_of(seed, _UNUSABLE_STREAM, dive=dive), spawn_key=key)
+
 
 _BEAM_BYTES = 450  # of a beam while its echo is computed, as measured
 _ECHO_BYTES = 16  # that stay of an echo
@@ -79,8 +118,7 @@ class SimulationSettings:
     noise: Noise = field(default=SURVEY_NOISE)  # what it does to the echoes
     seed: int = 0  # of the scene, the waves and the noise
     dive: int = 1  # 1, or another pass over the same scene, see trajectories.py
-    # share of the scans that show nothing of the scene, see sensing/unusable.py
-    unusable: float = 0.0
+    unusable: float = 0.0  # share of the scans that show nothing of the scene
     # share of the time from one scan to the next in which the sensor takes its columns in turn, while it moves on; 0:
     # all at once
     sweep: float = 0.0
@@ -104,7 +142,7 @@ class SimulationSettings:
             raise InputError(f"the poses of {self.trajectory} are given; `turn` is for one of {', '.join(DIVING)}")
         check_dive(self.dive, self.trajectory)
         check_size(self.count, self.sensor.columns, self.sensor.rows)
-        choose_unusable(self.unusable, self.count, self.seed, self.dive)
+        choose_faults(self.unusable, self.count, self.seed, self.dive)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +164,16 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
     if settings.sweep:  # while the last scan is taken the sensor goes on as it would to another one
         longer = trajectory_of(replace(settings, count=settings.count + 1))
         way = ContinuousTrajectory.through(longer, np.zeros((len(longer), 6, 6)))
-    unusable = choose_unusable(settings.unusable, len(truth), settings.seed, settings.dive)
+    faults = choose_faults(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []
     for number in range(len(truth)):
         name = f"scan_{number:03d}"
-        if number in unusable.faults:
-            scans.append(unusable.scan(settings.sensor, number, float(number), name))
+        if number in faults:
+            scans.append(_unusable_scan(settings, faults[number], number, name))
         else:
             scans.append(observe(settings, truth.T_world_sensor[number], number, name, way))
         progress(number + 1)
-    return Simulation(settings, tuple(scans), truth, unusable.faults)
+    return Simulation(settings, tuple(scans), truth, faults)
 
 
 def trajectory_of(settings: SimulationSettings) -> Trajectory:

@@ -137,7 +137,7 @@ def table1_transform(index: int) -> RigidTransform:
 
 
 def table1(rows: int = TABLE1_COUNT) -> Trajectory:
-    """Sensor poses in the reference grid frame: the reference scan's, then S0..S9, or so many `rows`, 1 to 13.
+    """Sensor poses in the reference grid frame: the reference scan's, then S0..S9, or `rows` of them, 1 to 13.
 
     Stamps count them. From S9 on the sensor is above the cube of 256 m, at S12 by 46 m; what it sees lies in it.
     """

@@ -147,7 +147,7 @@ class Observer:
         return few[seen] * ranges[seen][:, None]
 
     def _is_clear(self, ranges: np.ndarray, least: float) -> bool:
-        """Whether nothing stands close before the sensor and at least so many beams meet something."""
+        """Whether nothing stands close before the sensor and a share `least` of the beams meets something."""
         enough = np.isfinite(ranges).mean() >= least
         return bool(enough and ranges.min() >= CLEARANCE * self.sensor.max_range)
 

@@ -14,8 +14,14 @@ from sonarmap.tools.lab.simulate.folder import read_settings, write_simulation
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SENSORS, bare
-from sonarmap.tools.lab.simulate.sensing.unusable import NOISY_BEAMS, STRAY_ECHOES, choose_unusable
-from sonarmap.tools.lab.simulate.simulation import SimulationSettings, settings_from_json, simulate
+from sonarmap.tools.lab.simulate.simulation import (
+    NOISY_BEAMS,
+    STRAY_ECHOES,
+    SimulationSettings,
+    choose_faults,
+    settings_from_json,
+    simulate,
+)
 from tests.samples.clutter_scans import files_in, refused_with_reason, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
 from tests.samples.refusals import refuses
@@ -107,7 +113,7 @@ SETTINGS = SimulationSettings(trajectory="lawnmower", count=9, sensor=COARSE, se
 
 @pytest.mark.parametrize(("share", "wanted"), [(0.0, 0), (0.05, 2), (0.3, 12), (0.95, 38)])
 def test_as_many_as_wanted_are_chosen_and_never_the_first(share: float, wanted: int) -> None:
-    faults = choose_unusable(share, 40, seed=3).faults
+    faults = choose_faults(share, 40, seed=3)
     assert len(faults) == wanted
     assert all(0 < number < 40 for number in faults)
     kinds = list(faults.values())
@@ -148,7 +154,7 @@ def test_the_description_tells_them_and_like_gives_them_again(tmp_path: Path) ->
     described = json.loads((tmp_path / "a" / "description.json").read_text())
     assert described["settings"]["unusable"] == 0.25
     told = [row["unusable"] for row in described["scans"]]
-    assert told == [choose_unusable(0.25, 4, seed=6).faults.get(number) for number in range(4)]
+    assert told == [choose_faults(0.25, 4, seed=6).get(number) for number in range(4)]
     assert told.count(None) == 3
     again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b", "--quiet")
     assert again.exit_code == 0

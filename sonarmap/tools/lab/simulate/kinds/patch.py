@@ -101,7 +101,7 @@ STEP = (0.015, 0.04)  # from look to look, in shares of the sensor's maximum ran
 BEND = np.deg2rad(30.0)  # most by which a path turns from one end to the other
 CRAB = np.deg2rad(20.0)  # most by which the vehicle looks aside of where it goes
 ROCKING = np.deg2rad(1.5)  # standard deviation of a look's roll and pitch against the middle one's
-BEAMS = 2  # every so many of the sensor's, each way
+BEAMS = 2  # every second beam of the sensor's rows and columns
 CELL = OVERLAP_RADIUS / 3  # one point is kept in each, in a scene of 256 m [m]
 STRAY = 3.0  # cells wide is where a point that is alone is a stray
 # Standard deviations of odometry's error at either end of a path against its middle

@@ -137,7 +137,7 @@ def write_scan(fan: Fan, sweep: Sweep, returns: Returns, noise: Noise, rng: np.r
     )
 
 
-SLOW = 1 / 30  # of a sweep: a walk's steps are alike over about this share of it
+SLOW = 1 / 30  # of a sweep: share of it over which a walk's steps are correlated
 
 
 def walk(count: int, sigmas: tuple[float, ...], rng: np.random.Generator) -> np.ndarray:
@@ -149,7 +149,7 @@ def walk(count: int, sigmas: tuple[float, ...], rng: np.random.Generator) -> np.
 
 
 def wobble(count: int, sigmas: tuple[float, ...], width: float, rng: np.random.Generator) -> np.ndarray:
-    """A stationary random motion, alike over about `width` steps, with these standard deviations. Returns (count,
+    """A stationary random motion, correlated over about `width` steps, with these standard deviations. Returns (count,
     len(sigmas)) float64."""
     smooth = gaussian_filter1d(rng.standard_normal((count, len(sigmas))), width, axis=0, mode="wrap")
     # the smoothing kernel's energy: what is left of the variance of white noise

@@ -38,7 +38,7 @@ def scene_of(height: np.ndarray, *parts: Sequence[Mesh]) -> Mesh:
 
 
 def tilted(level: float, most: float, rng: np.random.Generator) -> np.ndarray:
-    """A plane at `level` in the middle of the raster [m], its slopes along x and y at most so large."""
+    """A plane at `level` in the middle of the raster [m], its slopes along x and y at most `most`."""
     x, y = np.meshgrid(raster(), raster(), indexing="ij")
     slope = rng.uniform(-most, most, 2)
     return level + slope[0] * x + slope[1] * y

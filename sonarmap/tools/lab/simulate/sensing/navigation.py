@@ -87,7 +87,7 @@ _SHAKE = np.repeat([np.radians(0.02), 0.002], 3)
 class Fixes:
     """How positions are fixed. Raises InputError: a number below 1, or a share out of its range."""
 
-    every: int = 1  # only every so many-th scan has a position, beginning with the first
+    every: int = 1  # from one scan with a position to the next, beginning with the first
     outliers: float = 0.0  # share of the positions that are 20 m off, 0..1
 
     def __post_init__(self) -> None:

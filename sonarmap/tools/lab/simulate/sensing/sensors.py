@@ -32,7 +32,7 @@ class Sensor:
     max_range: float  # what lies farther gives no echo [m]
     tilt: float = 0.0  # angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level
     # how much weaker an echo is, there and back, at half the horizontal field off the fan's middle than in it [dB];
-    # between and beyond it goes with the square of the angle, as a Gaussian main lobe does. 0: all directions alike.
+    # between and beyond it goes with the square of the angle, as a Gaussian main lobe does. 0: no loss anywhere.
     edge_loss: float = 0.0
     absorption: float = ABSORPTION_DB  # of the water at the sensor's frequency, one way [dB/m]
     threshold: float = 0.0  # echoes weaker than this are discarded, linear as Echoes.strengths; 0 keeps all
@@ -84,7 +84,7 @@ _FAN = math.radians(120), math.radians(90), 256, 192
 ECLIPSE = Sensor("eclipse", *_FAN, 0.4, 120.0, tilt=math.radians(20), edge_loss=24.0, threshold=0.002, resolution=0.025)
 # The paper's simulated sensor (Sect. 3): the same fan, its range as long as the 256 m grid
 PAPER = Sensor("paper", *_FAN, 0.4, 256.0)
-# The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern: all directions count alike
+# The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern: there is no loss to the edge
 SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
 SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
 
