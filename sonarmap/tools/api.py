@@ -309,9 +309,9 @@ def _read_survey(
     path: str, odometry: "Odometry | None"
 ) -> "tuple[Sequence[Scan], Odometry | None, TurnRates | None, Sequence[int] | None]":
     """The scans of files, dead reckoning and turn rates of them, and which are of one line where they are of pings."""
+    from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
     from sonarmap.tools.files.readers.pings.patches import as_survey
     from sonarmap.tools.files.readers.scans import read_scans as read
-    from sonarmap.tools.files.readers.turn_rates import turn_rates_of
 
     files = read([path])
     survey, odometry = as_survey(files.scans, files.patches, odometry)

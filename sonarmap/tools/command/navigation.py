@@ -227,7 +227,7 @@ def scans_with_priors(
     settings = replace(settings, sigmas=file.sigmas or settings.sigmas)
     notes, turn_rates = list[str](), None
     if settings.offset is None:
-        from sonarmap.tools.files.readers.sonar.imu import vertical_turn_rates
+        from sonarmap.tools.files.readers.navigation.odometry import vertical_turn_rates
 
         turn_rates = vertical_turn_rates(files)
     navigated = navigate(scans, file.priors, settings, allow_unknown, notes, turn_rates)

@@ -23,7 +23,6 @@ from sonarmap.tools.files.readers.sonar.messages import (
     Remembered,
     ShotNumbers,
     message_of,
-    range_image_type,
     stamp_of,
 )
 
@@ -103,7 +102,7 @@ class Tally:
             self.unreadable += 1
 
     def _count(self, packet: bytes, arrival: float) -> None:
-        message = message_of(packet, range_image_type(), rip.BitmapImageGreyscale8, rip.ImuBatch)
+        message = message_of(packet, rip.RangeImage, rip.BitmapImageGreyscale8, rip.ImuBatch)
         if message is None:
             self.undocumented += 1
         elif isinstance(message, rip.ImuBatch):

@@ -151,8 +151,8 @@ def command(
 
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
+    from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
     from sonarmap.tools.files.readers.pings.patches import way_within
-    from sonarmap.tools.files.readers.turn_rates import turn_rates_of
 
     telling = Telling(time.monotonic(), as_json, verbose, quiet)
     mapper, method = survey.mapper_settings(method)

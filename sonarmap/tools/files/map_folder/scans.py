@@ -15,9 +15,9 @@ from sonarmap.tools.files.inputs import input_rows
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import SUMMARY, as_written
 from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
+from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
 from sonarmap.tools.files.readers.pings.patches import LineReading
 from sonarmap.tools.files.readers.scans import ReadScans, read_survey
-from sonarmap.tools.files.readers.turn_rates import turn_rates_of
 
 _ELSEWHERE = "say where the scans are now with --scans-from PATH"
 

@@ -198,12 +198,14 @@ class TestHostileHeaders:
         self.refused(tmp_path, "a.laz", "<I", place, number)
 
     def test_layers_and_chunks_without_end(self, tmp_path: Path) -> None:
+        """The process that unpacks them is bounded, or ends."""
         (start,) = struct.unpack_from("<I", las(), START)
         (table,) = struct.unpack_from("<q", las(), start)
-        layers = r"the layers of chunk 0 claim 4,29\d,\d{3},\d{3} bytes"
-        for layer in range(9):
-            self.refused(tmp_path, layers, "<I", start + 8 + 30 + 4 + 4 * layer, 2**32 - 16)
-        self.refused(tmp_path, "it claims 4,294,967,295 chunks of 5 points", "<I", table + 4, 2**32 - 1)
+        for place, number in (
+            *((start + 8 + 34 + 4 * layer, 2**32 - 16) for layer in range(9)),
+            (table + 4, 2**32 - 1),
+        ):
+            self.refused(tmp_path, "a.laz: it.*(cut or damaged|takes more memory)", "<I", place, number)
 
 
 def test_integer_columns_of_a_ply_are_coordinates_too(tmp_path):

@@ -10,9 +10,10 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.bags.frames import recorded_turn_rates
+from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.readers.sonar.imu import turn_rates
-from sonarmap.tools.files.readers.turn_rates import recorded_turn_rates, turn_rates_of
 from tests.samples.bags.messages import CLOUD, FIELDS, STAMP, TF, cloud, header, transforms, xyz
 from tests.samples.bags.writers import WRITERS, Record, write_mcap
 from tests.samples.cloud_files import TABLE, sonar_packets

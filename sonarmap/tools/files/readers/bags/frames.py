@@ -1,12 +1,12 @@
 """The frames of a recording: from a sensor's frame to the vehicle's, by tf_static or by the frame's name (REP-103).
 
-The last functions read dead reckoning: messages of nav_msgs/Odometry, or what tf says of odom and base_link.
-
-The last functions read dead reckoning: messages of nav_msgs/Odometry, or what tf says of odom and base_link.
+The last functions read dead reckoning: messages of nav_msgs/Odometry, or what tf says of odom and base_link; and
+turn rates: messages of sensor_msgs/Imu.
 """
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.bags.open import open_recording
 from sonarmap.tools.files.readers.bags.recording import (
+    IMU,
     ODOMETRY,
     TRANSFORMS,
     Recording,
@@ -221,3 +222,27 @@ def _ascending(stamps: Sequence[int], rows: Sequence[tuple[float, ...]], what: s
         raise InputError(f"{what} cannot be read" + (f": {faults[0]}" if faults else "; record it again"))
     kept, indices = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
     return Trajectory(kept / 1e9, rigid(rows, what)[indices])
+
+
+def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) [s, UTC], ascending, and turn rates (n, 3) [rad/s] of the topic of sensor_msgs/Imu with most messages,
+    about the axes of base_link where tf_static has the IMU's mounting, else about those of its own frame, x forward, y
+    left, z up. Raises InputError: it has no such message that can be read."""
+    with naming(path):
+        recording = open_recording(path, [])
+        topics = recording.of_kinds((IMU,))
+        if not topics:
+            raise InputError(f"it has no messages of type {IMU}")
+        frames, rows = Frames(recording), list[tuple[float, float, float, float]]()
+        frame = ""
+        for message in recording.messages([max(topics, key=lambda topic: topic.count).name], []):
+            with suppress(InputError):  # damage is told where the scans are read
+                content = decode(message)
+                rate, frame = content.angular_velocity, content.header.frame_id.lstrip("/")
+                rows.append(((stamp_of(content.header) or message.time) / 10**9, rate.x, rate.y, rate.z))
+        table = np.array(rows, np.float64).reshape(-1, 4)
+        table = table[np.isfinite(table).all(axis=1)]
+        if not len(table):
+            raise InputError(f"none of its messages of type {IMU} can be read")
+        times, first = np.unique(table[:, 0], return_index=True)
+        return times, frames.T_base(frame).rotation.apply(table[first, 1:])

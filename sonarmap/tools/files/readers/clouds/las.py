@@ -1,19 +1,14 @@
 """LAS and LAZ, versions 1.1 to 1.4, by laspy and lazrs: one file is one scan.
 
-The chunks of LAZ are checked before they are unpacked, as lazrs takes memory for what they claim.
-Format: https://www.asprs.org/divisions-committees/lidar-division/laser-las-file-format-exchange-activities, and of LAZ
-https://downloads.rapidlasso.de/doc/LAZ_Specification_1.4_R1.pdf
+Format: https://www.asprs.org/divisions-committees/lidar-division/laser-las-file-format-exchange-activities
 """
 
 from __future__ import annotations
 
 import io
-import struct
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,25 +34,21 @@ _PIECE = 1 << 19  # points that are unpacked at a time
 _LEAST_HEADER, _RECORD_HEADER = 227, 54  # bytes of a header, and of a variable length record's
 _POINT_FORMAT, _COMPRESSED = 104, 0xC0  # a byte of the header, and its bits that say whether points are compressed
 _ADJUSTED = 1_000_000_000  # seconds by which adjusted standard GPS time is less
-_ONE_CHUNK, _LAYERED = 1, 3  # compressors: without chunks, and of point formats 6 to 10
-_VARIABLE = 2**32 - 1  # points of a chunk, where the chunk table says how many each has
-_AT_THE_END = -1  # the chunk table's place is in the file's last bytes
-# Layers of an item by its type (POINT14, RGB14, RGBNIR14, WAVEPACKET14); BYTE14 has one for each of its bytes.
-_LAYERS, _BYTE14 = {10: 9, 11: 1, 12: 2, 13: 1}, 14
 _DAMAGED = "the file is cut or damaged; copy it again"
 
 
 def read_las(content: bytes) -> list[Cloud]:
-    """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are; compressed points
-    by another process, as damage can crash lazrs. The stamp is the first time in UTC, where the header says that times
-    are adjusted standard GPS time. Raises InputError: a damaged or cut file, or map coordinates."""
+    """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are; the stamp is the
+    first time in UTC, where the header says that times are adjusted standard GPS time. Raises InputError: a damaged
+    file, or map coordinates."""
     (cloud,) = read_map_las(content)
     _refuse_map_coordinates(cloud.points, content)
     return [cloud]
 
 
 def read_map_las(content: bytes) -> list[Cloud]:
-    """The same, also of map coordinates."""
+    """The same, also of map coordinates; compressed points by another process, as damage can crash lazrs, or have it
+    take all memory."""
     _require_sound_header(content)
     return read_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)
 
@@ -96,9 +87,7 @@ def _require_sound_points(content: bytes, header: LasHeader) -> None:
     """Refuse more points than the file, or this machine's memory, can hold."""
     count, size, start = header.point_count, header.point_format.size, header.offset_to_point_data
     require_believable(f"a cloud of {count:,} points", len(content), count * POINT_BYTES)
-    if header.are_points_compressed:
-        require_sound_chunks(content, header)
-    else:
+    if not header.are_points_compressed:
         require_bytes(f"{count:,} points of {size} bytes", count * size, len(content) - start)
     require_memory(f"a cloud of {count:,} points", count * (2 * size + 8 * 8), "thin its points out first")
 
@@ -164,69 +153,3 @@ def crs_of(content: bytes) -> CRS | None:
     with suppress(Exception):  # pyproj and laspy answer damage with errors of any kind
         return LasHeader.read_from(io.BytesIO(content)).parse_crs()
     return None
-
-
-def require_sound_chunks(content: bytes, header: LasHeader) -> None:
-    """Refuse chunks and layers that claim more bytes than they have, or another number of points. Raises InputError:
-    the file is cut or damaged."""
-    lazrs: Any = import_module("lazrs")  # it has no stubs
-    (vlr,) = header.vlrs.get("LasZipVlr") or (None,)
-    if vlr is None:
-        raise InputError(f"it is compressed, and has no record that says how: {_DAMAGED}")
-    record = bytes(vlr.record_data_bytes())
-    require_bytes("a LASzip record", 34, len(record))
-    compressor, chunk_size, items = struct.unpack_from("<H10xI16xH", record)
-    require_bytes(f"{items} LASzip items", 34 + 6 * items, len(record))
-    layout = [struct.unpack_from("<HH", record, 34 + 6 * item) for item in range(items)]
-    if sum(size for _, size in layout) != header.point_format.size or chunk_size == 0:
-        raise InputError(f"its LASzip record says {chunk_size} points per chunk, of another size: {_DAMAGED}")
-    if compressor == _ONE_CHUNK:
-        return
-    start = header.offset_to_point_data + 8
-    table = _chunk_table_place(content, start, header.point_count)
-    stream = io.BytesIO(content)
-    stream.seek(start - 8)
-    chunks = [held for _, held in lazrs.read_chunk_table(stream, lazrs.LazVlr(record)) or []]
-    if sum(chunks) != table - start:
-        raise InputError(f"its chunks claim {sum(chunks):,} bytes, and there are {table - start:,}: {_DAMAGED}")
-    if chunk_size != _VARIABLE and len(chunks) != -(-header.point_count // chunk_size):
-        raise InputError(f"its {header.point_count:,} points do not fill {len(chunks):,} chunks: {_DAMAGED}")
-    if compressor == _LAYERED:
-        points = _points_of_layers(content, start, chunks, layout)
-        if points != header.point_count:
-            raise InputError(f"its chunks hold {points:,} points, its header says {header.point_count:,}: {_DAMAGED}")
-
-
-def _chunk_table_place(content: bytes, start: int, points: int) -> int:
-    """Where the chunk table begins."""
-    require_bytes("the place of a chunk table", start, len(content))
-    (place,) = struct.unpack_from("<q", content, start - 8)
-    if place == _AT_THE_END:
-        (place,) = struct.unpack_from("<q", content, len(content) - 8)
-    if not start <= place <= len(content) - 8:
-        raise InputError(f"its chunk table is said to be at byte {place:,}: {_DAMAGED}")
-    _, chunks = struct.unpack_from("<II", content, place)
-    if chunks > min(points, len(content)):
-        raise InputError(f"it claims {chunks:,} chunks of {points:,} points: {_DAMAGED}")
-    return place
-
-
-def _points_of_layers(content: bytes, start: int, chunks: Sequence[int], layout: Sequence[tuple[int, int]]) -> int:
-    """How many points chunks of so many bytes, from byte `start` on, hold: each is its first point as it is, their
-    number, the layers' sizes, and the layers. `layout`: type and bytes of each item of a point. Raises InputError:
-    layers that claim more than their chunk has."""
-    points, plain = 0, sum(size for _, size in layout)
-    layers = sum(size if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, size in layout)
-    for number, held in enumerate(chunks):
-        if held:
-            claimed = plain + 4 + 4 * layers
-            if claimed <= held:
-                count, *sizes = struct.unpack_from(f"<{1 + layers}I", content, start + plain)
-                points += count
-                claimed += sum(sizes)
-            if claimed > held:
-                raise InputError(
-                    f"the layers of chunk {number} claim {claimed:,} bytes, and it has {held:,}: {_DAMAGED}"
-                )
-        start += held
-    return points

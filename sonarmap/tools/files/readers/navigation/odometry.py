@@ -1,6 +1,7 @@
-"""Dead reckoning from a file, at its own times, interpolated to the scans'."""
+"""Dead reckoning at the scans' times from a file, and the turn rates that recordings' IMUs measured."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.bags.frames import read_recorded_odometry
+from sonarmap.tools.files.readers.bags.frames import read_recorded_odometry, recorded_turn_rates
 from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA, poses_of
 from sonarmap.tools.files.readers.navigation.log import SAME_STAMP
@@ -18,7 +20,7 @@ from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from sonarmap.tools.files.readers.navigation.time_offset import why_apart
 from sonarmap.tools.files.readers.poses.trajectory import poses_at
-from sonarmap.tools.files.readers.selection import part_of_file
+from sonarmap.tools.files.readers.selection import is_bag_folder, part_of_file
 
 # Poses this many times farther apart than usual leave a gap, in which nothing is known.
 _GAP = 10.0
@@ -114,3 +116,34 @@ def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, flo
             f"{option} is {text!r}; give percent of the distance and degrees per hour, as in {option} 1,10"
         )
     return percent / 100, float(np.radians(degrees)) / 3600
+
+
+def turn_rates_of(files: Sequence[Path], scans: Sequence[Scan]) -> TurnRates | None:
+    """What the IMUs of all recordings among files measured; None where no file has one, or no scan has points with
+    times, which alone need them."""
+    known = None if all(scan.times is None for scan in scans) else _turn_rates(files)
+    return known if known is not None and len(known.times) > 1 else None
+
+
+def vertical_turn_rates(files: Sequence[Path]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times (n,) [s], ascending, and turn rates about the sensor's z axis (n,) [rad/s], positive to the left, which are
+    those of the heading of a sensor that is about level; None where no file has an IMU."""
+    known = _turn_rates(files)
+    return None if known is None else (known.times, known.rates[:, 2])
+
+
+def _turn_rates(files: Sequence[Path]) -> TurnRates | None:
+    measured: list[tuple[np.ndarray, np.ndarray]] = []
+    for path in dict.fromkeys(path.parent if is_bag_folder(path.parent) else path for path in files):
+        with suppress(InputError):  # without an IMU
+            if path.suffix.lower() == ".sonar":
+                from sonarmap.tools.files.readers.sonar.imu import turn_rates  # wlsonar loads slowly
+
+                measured.append(turn_rates(path))
+            elif is_recording(path):
+                measured.append(recorded_turn_rates(path))
+    if not measured:
+        return None
+    times, rates = (np.concatenate(columns) for columns in zip(*measured, strict=True))
+    times, first = np.unique(times, return_index=True)
+    return TurnRates(times, rates[first])

@@ -6,7 +6,6 @@ x forward, y right, z down; the protocol does not say. They are turned here, onc
 
 from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -140,18 +139,3 @@ def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
 def batch_key(batch: rip.ImuBatch, samples: ImuSamples) -> tuple[int, float | None]:
     """What tells a batch from others: its number, and its first time."""
     return batch.batch_sequence_id, float(samples.times[0]) if len(samples.times) else None
-
-
-def vertical_turn_rates(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Turn rates about the sensor's z axis, of all recordings among files of any format that have an IMU: times (n,)
-    [s], ascending, and rates (n,) [rad/s], positive to the left; None where no file has one. For a sensor that is about
-    level these are the turns of its heading."""
-    measured: list[tuple[np.ndarray, np.ndarray]] = []
-    for path in (path for path in paths if path.suffix.lower() == ".sonar"):
-        with suppress(InputError):  # without an IMU
-            measured.append(turn_rates(path))
-    if not measured:
-        return None
-    times, rates = (np.concatenate(columns) for columns in zip(*measured, strict=True))
-    order = np.argsort(times, kind="stable")
-    return times[order], rates[order, 2]

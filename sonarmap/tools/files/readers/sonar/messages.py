@@ -10,12 +10,11 @@ import math
 import zlib
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import count
 from typing import Any
 
 import numpy as np
-from google.protobuf import any_pb2, descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 from google.protobuf.message import DecodeError, Message
 from wlsonar import range_image_protocol as rip
 
@@ -25,8 +24,6 @@ from sonarmap.tools.files.readers.sonar.packets import LARGEST_PACKET
 STRENGTH = rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE
 _LINEAR = np.where(np.arange(256) > 0, 30.0 * 10.0 ** (np.arange(256) / 100.0), 0.0)  # strength of every level
 _SNAPPY_RATIO = 22  # Snappy's longest copy is of 64 bytes, and takes three
-_PIXELS = "image_pixel_data"
-_LONGEST = 3  # bytes that a number of 16 bits takes
 REACH = 16  # shots that a packet may come too late
 WAITING = REACH + 1  # shots that wait: with fewer, a shot that comes late leaves before its strength image
 _EARLY = 2 * REACH  # strength images that wait for their range image
@@ -36,8 +33,7 @@ _REMEMBERED = 1 << 16
 
 
 def message_of(content: bytes, *kinds: type[Message]) -> Message | None:
-    """The message of a packet whose checksum is right, of one of the `kinds` (`range_image_type()` and those of
-    wlsonar); None for another kind. Raises InputError: what is packed in it is damaged; the message says how."""
+    """The message of a packet whose checksum is right, of one of the `kinds` of wlsonar; None for another kind."""
     try:
         _require_believable(content)
         return rip.unpackb(content, known_message_types=kinds, max_packet_size=LARGEST_PACKET)
@@ -45,54 +41,6 @@ def message_of(content: bytes, *kinds: type[Message]) -> Message | None:
         return None  # the protocol says to skip what is not documented
     except (ValueError, DecodeError) as error:
         raise InputError(f"is damaged ({error})") from error
-
-
-@cache
-def range_image_type() -> type[Message]:
-    """wlsonar's RangeImage, but for its pixels, which stay the bytes that were sent: of each Python makes an object
-    otherwise, which takes longer than all else."""
-    file = descriptor_pb2.FileDescriptorProto()
-    rip.RangeImage.DESCRIPTOR.file.CopyToProto(file)
-    image = next(message for message in file.message_type if message.name == rip.RangeImage.DESCRIPTOR.name)
-    pixels = next(field for field in image.field if field.name == _PIXELS)
-    pixels.type = pixels.TYPE_BYTES  # repeated, as a sender may divide them
-    pixels.ClearField("options")
-    pool = descriptor_pool.DescriptorPool()
-    for needed in (any_pb2, timestamp_pb2):
-        pool.AddSerializedFile(needed.DESCRIPTOR.serialized_pb)
-    pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(rip.RangeImage.DESCRIPTOR.full_name))
-
-
-def pixels_of(image: Message) -> np.ndarray:
-    """(N,) uint32, the pixels of a message of `range_image_type()`, row by row. Raises InputError: bytes that are no
-    numbers."""
-    pixels = _short_varints(b"".join(getattr(image, _PIXELS)))
-    # pyrefly: ignore[missing-attribute]
-    if pixels is None or len(pixels) != image.width * image.height:
-        try:  # numbers of other lengths, or each in a field of its own, which a sender may choose
-            pixels = np.array(getattr(rip.RangeImage.FromString(image.SerializeToString()), _PIXELS), np.uint32)
-        except DecodeError as error:
-            raise InputError(f"is damaged ({error})") from error
-    return pixels
-
-
-def _short_varints(content: bytes) -> np.ndarray | None:
-    """(N,) uint32 numbers of seven bits to a byte, the lowest first; None where one is long or the last is cut."""
-    octets = np.frombuffer(content, np.uint8)
-    ends = np.flatnonzero(octets < 0x80)
-    if not len(octets) or not len(ends) or ends[-1] != len(octets) - 1:
-        return None
-    lengths = np.diff(ends, prepend=-1)
-    if lengths.max() > _LONGEST:
-        return None
-    starts = ends - lengths + 1
-    bits = (octets & 0x7F).astype(np.uint32)
-    numbers = bits[starts]
-    for more in range(1, _LONGEST):
-        (longer,) = np.nonzero(lengths > more)
-        numbers[longer] |= bits[starts[longer] + more] << np.uint32(7 * more)
-    return numbers
 
 
 def _require_believable(packet: bytes) -> None:
@@ -120,14 +68,14 @@ class Frame:
     sound_speed: float | None  # with which the sonar computed ranges [m/s]; None where it is not said
 
 
-def frame_of(image: Any) -> Frame:
-    """The points of a message of `range_image_type()`. Raises InputError: an image that contradicts itself."""
+def frame_of(image: rip.RangeImage) -> Frame:
+    """Raises InputError: an image that contradicts itself."""
     width, height, scale = image.width, image.height, image.image_pixel_scale
     fields = (image.fov_horizontal, image.fov_vertical)
     # A scale that is NaN spoils this frame alone: its points are NaN, and told as such.
     if not all(0 < fov <= 360 for fov in fields) or not (0 < scale < math.inf or math.isnan(scale)):
         raise InputError(f"is a range image with fields of view {fields} degrees and scale {scale} m, wanted above 0")
-    values = pixels_of(image)
+    values = np.fromiter(image.image_pixel_data, np.uint32)
     if len(values) != width * height:
         raise InputError(f"is a range image of {width} x {height} with {len(values):,} pixels")
     pixels = np.flatnonzero(values != 0)

@@ -27,7 +27,6 @@ from sonarmap.tools.files.readers.sonar.messages import (
     ShotQueue,
     frame_of,
     message_of,
-    range_image_type,
 )
 from sonarmap.tools.files.readers.sonar.packets import Damage, no_more, packets_in
 
@@ -59,7 +58,7 @@ class Recording:
     ) -> Iterator[Shot]:
         """Every shot in its order, each when so many have come after it, as late ones may; `more` and `start` are as of
         `packets_in`."""
-        kinds = (range_image_type(), rip.BitmapImageGreyscale8, rip.ImuBatch)
+        kinds = (rip.RangeImage, rip.BitmapImageGreyscale8, rip.ImuBatch)
         for packet in packets_in(path, self.damage, more, start):
             try:
                 self.packets, self.read_until = self.packets + 1, packet.start + len(packet.content)
@@ -72,7 +71,7 @@ class Recording:
         yield from map(self._counted, self.queue.rest())
 
     def _take(self, message: Message) -> None:
-        if isinstance(message, range_image_type()):
+        if isinstance(message, rip.RangeImage):
             self.queue.add_frame(frame_of(message))
         elif isinstance(message, rip.BitmapImageGreyscale8):
             if message.type == STRENGTH:

@@ -12,7 +12,6 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
-from sonarmap.tools.files.readers.sonar.messages import pixels_of, range_image_type
 from tests.samples.cloud_files import SAMPLES, put, range_image, sonar_packets, strength_image
 from tests.samples.recordings import read_sonar, with_checksum
 from tests.samples.refusals import refuses
@@ -115,34 +114,6 @@ def test_range_images_that_contradict_themselves_are_refused(change, said):
     for name, value in change.items():
         setattr(image, name, value)
     refuses(f"packet 1 at byte 0 is a range image .*{said}", read_sonar, rip.packb(image))
-
-
-class TestPixels:
-    """The same numbers as wlsonar's message has, from the same bytes."""
-
-    def ours(self, content: bytes) -> list[int]:
-        return pixels_of(range_image_type().FromString(content)).tolist()
-
-    @pytest.mark.parametrize("largest", [1, 0x7F, 0x3FFF, 0xFFFF, 0x1FFFFF, 2**32 - 1])
-    def test_of_any_length(self, largest):
-        rng = np.random.default_rng(largest)
-        pixels = rng.integers(0, largest, (8, 16), endpoint=True)
-        image = range_image(1, pixels)
-        content = image.SerializeToString()
-        assert self.ours(content) == list(image.image_pixel_data) == pixels.ravel().tolist()
-
-    def test_each_in_a_field_of_its_own_or_in_pieces(self):
-        """Both are allowed to a sender."""
-        bare = rip.RangeImage(width=4, height=1).SerializeToString()
-        separate = bare + b"\x50\x05\x50\x80\x01\x50\x00\x50\xff\xff\x03"
-        pieces = bare + b"\x52\x03\x05\x80\x01" + b"\x52\x04\x00\xff\xff\x03"
-        for content in (separate, pieces):
-            assert list(rip.RangeImage.FromString(content).image_pixel_data) == [5, 128, 0, 65535]
-            assert self.ours(content) == [5, 128, 0, 65535]
-
-    def test_cut_in_a_number(self):
-        content = rip.RangeImage(width=2, height=1).SerializeToString() + b"\x52\x02\x05\x80"
-        refuses("is damaged", self.ours, content)
 
 
 def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
