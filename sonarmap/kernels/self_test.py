@@ -7,7 +7,7 @@ from itertools import chain
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.device.arrays import Readback
+from sonarmap.kernels.device.arrays import Readback, upload_places
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft.edges import row_pitch
@@ -18,7 +18,7 @@ from sonarmap.kernels.pomf.peak import Peak, find_peaks
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.kernels.so3.correlation import RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
-from sonarmap.kernels.surface.cells import Elements, find_nearest, fit_planes, sort_into_cells, upload_places
+from sonarmap.kernels.surface.cells import Elements, find_nearest, fit_planes, sort_into_cells
 from sonarmap.kernels.surface.refinement import Refinement, Weighting
 
 # what a transform of single precision may be off, over all and as a share of the whole: 5 times what PoCL is

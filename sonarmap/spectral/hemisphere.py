@@ -7,10 +7,11 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.kernels.device.arrays import upload_places
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.pomf.peak import Peak
-from sonarmap.kernels.surface.cells import find_nearest, upload_places
+from sonarmap.kernels.surface.cells import find_nearest
 from sonarmap.spectral.geometry import covariance_at_sensor, tilt_allowed, tilt_reach, tilt_refusal
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere_layers import Hemisphere, LayerSpectra

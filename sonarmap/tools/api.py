@@ -278,8 +278,8 @@ def compare(
             (`NotAlignedError`).
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    from sonarmap.tools.files.map_folder.folder import surveyed_map
-    from sonarmap.tools.maps import Map, opened_map
+    from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
+    from sonarmap.tools.maps import opened_map
     from sonarmap.tools.products.compare.cloud import opened_surveys
     from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
 
@@ -310,7 +310,7 @@ def _read_survey(
 ) -> "tuple[Sequence[Scan], Odometry | None, TurnRates | None, Sequence[int] | None]":
     """The scans of files, dead reckoning and turn rates of them, and which are of one line where they are of pings."""
     from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
-    from sonarmap.tools.files.readers.pings.patches import as_survey
+    from sonarmap.tools.files.readers.pings.line_file import as_survey
     from sonarmap.tools.files.readers.scans import read_scans as read
 
     files = read([path])

@@ -74,10 +74,10 @@ def write_map(
     Raises:
         InputError: an argument cannot be used, or a file cannot be written.
     """
-    from sonarmap.tools.files.inputs import input_rows
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import FORMATS, files_of
     from sonarmap.tools.files.readers.selection import select_files
+    from sonarmap.tools.files.user_file import input_rows
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.products.output.folder import SurveyRun, write_survey
 

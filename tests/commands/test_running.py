@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 from sonarmap.tools.command.main import app
 from tests.commands.inputs import Inputs
-from tests.commands.pages import PAGES, ROOT, Example, examples, named, starts, words_of
+from tests.commands.pages import PAGES, Example, examples, named, starts, words_of
 from tests.samples.command_line import SONARMAP
+from tests.samples.places import ROOT
 
 LIMIT = 900  # [s] for a command
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.samples.command_line import ROOT
+from tests.samples.places import ROOT
 
 PATIENCE = 240.0  # s
 _NOT_OURS = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "CI", "TTY_COMPATIBLE", "TTY_INTERACTIVE")

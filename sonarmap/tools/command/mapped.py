@@ -71,7 +71,7 @@ def print_summary(out: Path) -> None:
 
 def written_summary(out: Path) -> str:
     """The text of the summary.json that this run has written."""
-    from sonarmap.tools.files.map_folder.names import SUMMARY
+    from sonarmap.tools.files.readers.csv_table import SUMMARY
 
     try:
         return (out / SUMMARY).read_text(encoding="utf-8")
@@ -84,7 +84,7 @@ def written_summary(out: Path) -> str:
 
 def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
     """Warn of what the user should look at, the most important first: all, or as much as fits a screen."""
-    from sonarmap.tools.files.map_folder.names import SUMMARY
+    from sonarmap.tools.files.readers.csv_table import SUMMARY
     from sonarmap.tools.products.output.faults import faults
 
     sentences = [as_options(fault) for fault in faults(mapped.result, mapped.names)]

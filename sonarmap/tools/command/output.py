@@ -137,7 +137,7 @@ class EarthPlace:
 def _place_of(origin: str) -> tuple[float, float, float]:
     """Latitude, longitude [deg] and height [m] of --origin, 0 where it is left out."""
     from sonarmap.tools.files.geo.projection import on_the_earth
-    from sonarmap.tools.files.readers.navigation.rows import number, place_of
+    from sonarmap.tools.files.readers.csv_table import number, place_of
 
     crs, _, rest = origin.rpartition(":")
     projected = re.match(r"\s*\+?[A-Za-z]{2}", crs)  # N60:23.478 begins with one letter

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.readers.corrections import Corrections
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
-    from sonarmap.tools.files.readers.pings.patches import LineReading
+    from sonarmap.tools.files.readers.pings.line_file import LineReading
     from sonarmap.tools.files.readers.scans import ReadScans
     from sonarmap.tools.products.output.lines import MovedLine
 
@@ -118,7 +118,7 @@ class TiesAndControl:
 
     def read_ties(self, scans: "Sequence[Scan]") -> "tuple[Tie, ...]":
         """What --ties says of pairs of the scans; none without it."""
-        from sonarmap.tools.files.readers.ties import read_ties
+        from sonarmap.tools.files.readers.constraints import read_ties
 
         return () if self.ties is None else read_ties(self.ties, scans)
 
@@ -126,7 +126,7 @@ class TiesAndControl:
         self, scans: "Sequence[Scan]", georeference: "Georeference | None"
     ) -> "tuple[tuple[ControlPoint, ...], Georeference | None]":
         """The points of --control, and where the map lies on the Earth then; by now it lies at `georeference`."""
-        from sonarmap.tools.files.readers.control import read_control
+        from sonarmap.tools.files.readers.constraints import read_control
 
         if self.control is None:
             refuse_without("--control", {"--control-crs": self.control_crs})
@@ -186,7 +186,7 @@ class PointReading:
     def corrections(self) -> "Corrections":
         """What is done to the points of files when they are read."""
         from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
-        from sonarmap.tools.files.readers.pings.patches import LineReading
+        from sonarmap.tools.files.readers.pings.line_file import LineReading
 
         scale = 1.0 if self.range_scale is None else self.range_scale
         frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)
@@ -268,10 +268,10 @@ def _workers(
 def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: bool) -> "Corrections":
     """The corrections with what the patch test of the inputs' lines shows."""
     from sonarmap.slam.pings.calibration import estimate_biases
-    from sonarmap.tools.files.readers.pings.line_file import SUFFIXES, read_line
+    from sonarmap.tools.files.readers.pings.line_file import FORMATS, read_line
     from sonarmap.tools.files.readers.selection import select_files
 
-    files = [each.path for each in select_files(inputs, SUFFIXES).files if each.path.suffix.lower() in SUFFIXES]
+    files = [each.path for each in select_files(inputs, FORMATS).files if each.path.suffix.lower() in FORMATS]
     if len(files) < 2:
         raise InputError(f"--patch-test needs two lines of pings that overlap, and {len(files)} given; leave it out")
     with growing_progress("patch test", quiet) as step:
@@ -291,7 +291,7 @@ def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: boo
 def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSettings") -> "Navigated":
     """The scans with the navigation of their lines."""
     from sonarmap.tools.files.readers.navigation.priors import Navigated
-    from sonarmap.tools.files.readers.pings.patches import placed
+    from sonarmap.tools.files.readers.pings.line_file import placed
 
     if file.priors:
         raise InputError(f"multibeam lines contain their own navigation; leave --priors {file.named} out")

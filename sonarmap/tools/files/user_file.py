@@ -1,11 +1,16 @@
 """The files that a user names, read whole; among them JSON, whatever it holds."""
 
+import hashlib
 import json
 import math
 import os
+import platform
+import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +20,35 @@ from sonarmap.tools.files.memory import require_memory
 # `<(...)` of a shell is one of the second kind; the last is an empty file
 _GIVEN = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/", os.devnull)
 _LARGEST_PIPE = 1 << 28  # bytes
+_HEAD = 4096  # bytes by which a kind is recognized
 _LARGEST = 1e30  # of a number: as large as an information, see `tools.files.readers.poses.pose_rows`
 _LARGEST_INTEGER = 2**63 - 1
+PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of files."""
+
+    kind: str  # in words
+    start: bytes  # a regular expression for the first bytes of its files
+
+
+def require_kind(path: Path, kinds: Mapping[str, Kind]) -> None:
+    """Refuse a file that does not begin as its suffix says. `kinds`: by suffix; one that may begin as others comes
+    last. Whoever catches the InputError names the file."""
+    if path.exists() and not path.is_file():
+        raise InputError("it is not a regular file; give a file, a folder or a pattern")
+    with unreadable(), path.open("rb") as file:
+        head = file.read(_HEAD)
+    if not head:
+        raise InputError("the file is empty (0 bytes); write or copy it again")
+    expected = kinds[path.suffix.lower()].kind
+    kind = next((each.kind for each in kinds.values() if re.match(each.start, head)), "binary content of no known kind")
+    if kind != expected:
+        suffixes = [suffix for suffix, each in kinds.items() if each.kind == kind]
+        hint = f"rename it to {' or '.join(suffixes)} if that is what it is" if suffixes else "write or copy it again"
+        raise InputError(f"it is called {path.suffix} but holds {kind}; wanted {expected}: {hint}")
 
 
 @contextmanager
@@ -100,3 +132,44 @@ def _integer(text: str) -> int:
 
 def _no_number(text: str) -> Any:
     raise ValueError(f"it holds the number {text[:40]}, which is too large or none at all")
+
+
+def input_rows(paths: Sequence[Path]) -> list[dict[str, Any]]:
+    """Name, bytes and SHA-256 of files, and of what is in folders; both null of a file that cannot be read. Names start
+    at the folder that all of them share, so that they say nothing of the machine. Files are read in pieces, a second
+    for each gigabyte or so."""
+    files = [file.resolve() for path in paths for file in _files_of(path)]
+    shared = os.path.commonpath([file.parent for file in files]) if files else ""
+    return [{"name": file.relative_to(shared).as_posix(), **_content_of(file)} for file in dict.fromkeys(files)]
+
+
+def _content_of(file: Path) -> dict[str, Any]:
+    try:
+        return {"bytes": file.stat().st_size, "sha256": sha256_of(file)}
+    except (OSError, InputError):
+        return {"bytes": None, "sha256": None}
+
+
+def sha256_of(path: Path) -> str:
+    require_file(path)
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}. Check the path and permissions") from error
+
+
+def _files_of(path: Path) -> list[Path]:
+    """The file itself, or all files in the folder: some recordings are folders."""
+    return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+
+
+def package_versions(*also: str) -> dict[str, str | None]:
+    """The versions of Python and of what the numbers depend on; None for a package that is not installed."""
+    versions: dict[str, str | None] = {"python": platform.python_version(), "system": platform.platform()}
+    for package in (*PACKAGES, *also):
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = None
+    return versions

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sonarmap.slam.execute.worker import WorkerSpec
-from sonarmap.tools.files.inputs import package_versions
+from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.methods.registry import Setup, find_method
 

@@ -10,7 +10,7 @@ import pytest
 
 from sonarmap.kernels.device import cache
 from sonarmap.kernels.device.cache import cache_folder, kernel_cache, recall, remember
-from tests.samples.command_line import ROOT
+from tests.samples.places import ROOT
 
 COMPUTE = """
 import sonarmap, numpy, os

@@ -11,7 +11,7 @@ from sonarmap.kernels.device import threads
 from sonarmap.kernels.device.device import list_devices
 from sonarmap.kernels.device.threads import limit_libraries, share_cores, thread_count
 from sonarmap.slam.execute.processes import spawned
-from tests.samples.command_line import ROOT
+from tests.samples.places import ROOT
 from tests.samples.refusals import refuses
 
 LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")

@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import upload_places
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.surface.cells import find_nearest, sort_into_cells, upload_places
+from sonarmap.kernels.surface.cells import find_nearest, sort_into_cells
 from tests.kernels.surface.scenes import bent_sheet
 
 # Coordinates of 100 voxels are rounded by 4e-6 each.

@@ -18,7 +18,8 @@ from sonarmap.tools.command.method import MethodOptions, changed
 from sonarmap.tools.command.option import spread
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.methods.registry import METHODS
-from tests.samples.command_line import ROOT, SONARMAP, sonarmap
+from tests.samples.command_line import SONARMAP, sonarmap
+from tests.samples.places import ROOT
 from tests.samples.processor_time import processor_time
 from tests.samples.refusals import refuses
 

@@ -107,7 +107,8 @@ def view(
     network and no other file, so it can be copied and sent. `--rebuild --no-open` writes it where there is no
     browser.
     """
-    from sonarmap.tools.files.map_folder.names import REPORT, SUMMARY
+    from sonarmap.tools.files.map_folder.names import REPORT
+    from sonarmap.tools.files.readers.csv_table import SUMMARY
 
     report = source / REPORT
     if rebuild:

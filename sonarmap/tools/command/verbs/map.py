@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.corrections import Corrections
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
-    from sonarmap.tools.files.readers.pings.patches import LineReading
+    from sonarmap.tools.files.readers.pings.line_file import LineReading
     from sonarmap.tools.files.readers.scans import ReadScans
     from sonarmap.tools.products.export.run import ExportSettings
 
@@ -152,7 +152,7 @@ def command(
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
     from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
-    from sonarmap.tools.files.readers.pings.patches import way_within
+    from sonarmap.tools.files.readers.pings.line_file import way_within
 
     telling = Telling(time.monotonic(), as_json, verbose, quiet)
     mapper, method = survey.mapper_settings(method)
@@ -276,8 +276,8 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
     """Map the survey, and write its folder."""
     from sonarmap.slam.execute.worker import prepared_limit
     from sonarmap.slam.mapper import Mapper
-    from sonarmap.tools.files.inputs import input_rows
     from sonarmap.tools.files.map_folder.names import JOURNAL
+    from sonarmap.tools.files.user_file import input_rows
     from sonarmap.tools.products.output.folder import SurveyRun, survey_times, write_survey
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out

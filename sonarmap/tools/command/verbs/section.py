@@ -105,7 +105,7 @@ def command(
 
 
 def _place(name: str, text: str, in_degrees: bool) -> list[float]:
-    from sonarmap.tools.files.readers.navigation.rows import number, place_of
+    from sonarmap.tools.files.readers.csv_table import number, place_of
 
     numbers = place_of(text) if in_degrees else [number(part) for part in text.split(",")]
     if len(numbers) != 2 or not all(map(math.isfinite, numbers)):

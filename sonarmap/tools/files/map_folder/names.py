@@ -1,4 +1,4 @@
-"""The names of the files in the folder that `sonarmap map` writes, and whether they are of one run.
+"""The names of the files in the folder that `sonarmap map` writes, whether they are of one run, and pairs.csv.
 
 summary.json is written last and has the SHA-256 of the others.
 """
@@ -6,13 +6,25 @@ summary.json is written last and has the SHA-256 of the others.
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
+
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.inputs import sha256_of
-from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
-from sonarmap.tools.files.user_file import read_json
+from sonarmap.slam.pair import Role
+from sonarmap.tools.files.readers.csv_table import (
+    PAIRS,
+    SUMMARY,
+    CsvTable,
+    index_of,
+    number_within,
+    read_csv_table,
+    refuse,
+)
+from sonarmap.tools.files.readers.instruments import LARGEST
+from sonarmap.tools.files.user_file import read_json, sha256_of
 from sonarmap.tools.files.writers.atomic import writing
 from sonarmap.tools.files.writers.tables import write_json
 
@@ -25,6 +37,11 @@ REPORT = "report.html"  # written after the others, from them
 OF_LINES = NAVIGATION, SOUNDINGS, LINES = "navigation.csv", "soundings.laz", "lines.json"  # of a map of lines of pings
 _MAP = re.compile(r"map(_all)?(_\d+)?(_survey_\d+)?\.ply")
 _OF_PART = re.compile(_MAP.pattern + r"|map(_\d+)?\.png|trajectory(_\d+)?\.tum")
+CHAIN = "sequential"  # the role of consecutive scans; pairs of any other role are loops
+POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")  # of T_target_source; empty where it failed
+ANSWERS = {"yes": True, "no": False}
+_COLUMNS = ("target", "source", "role", "kept", *POSE_COLUMNS)
+_MOST_DEGREES = 180.0
 
 
 def side_car(name: str) -> str:
@@ -94,3 +111,56 @@ def require_own(folder: Path, summary: Mapping[str, Any], read: Iterable[str]) -
                 f"{path} does not belong to {SUMMARY} beside it: its size or SHA-256 is another. It was changed, or a "
                 "run was killed while it wrote; run `sonarmap map` again, which continues from what is done"
             )
+
+
+@dataclass(frozen=True, slots=True)
+class TriedPair:
+    """A pair that was registered, and what became of it."""
+
+    target: int  # the index of a scan, as `source`
+    source: int
+    role: str  # what it was for, CHAIN or any other
+    kept: bool  # whether the estimate uses it
+    T_target_source: RigidTransform | None  # the registration's transform; None where it failed
+
+
+def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
+    """The pairs of pairs.csv; columns that an evaluation does not need are ignored. `scans`: how many the survey has.
+    Raises InputError: a column is missing, or a cell cannot be used, naming the line."""
+    table = read_csv_table(path)
+    return tuple(_pair(cells, scans, where) for where, cells in table.rows_by_name(_columns(table)))
+
+
+def _columns(table: CsvTable) -> dict[str, int]:
+    """Where the columns are that are needed."""
+    heading = table.heading.cells
+    for name in _COLUMNS:
+        if heading.count(name) != 1:
+            raise InputError(
+                f"{table.where()}: the column {name} is there {heading.count(name)} times; wanted "
+                f"the columns {', '.join(_COLUMNS)} once each, as `sonarmap map` writes them"
+            )
+    return {name: heading.index(name) for name in _COLUMNS}
+
+
+def _pair(cells: Mapping[str, str], scans: int, where: str) -> TriedPair:
+    indices = list[int]()
+    for column in ("target", "source"):
+        if (index := index_of(cells[column], scans)) is None:
+            raise refuse(where, column, cells[column], f"the number of a scan, 0 to {scans - 1}")
+        indices.append(index)
+    for column, known in (("role", get_args(Role)), ("kept", ANSWERS)):
+        if cells[column] not in known:
+            raise refuse(where, column, cells[column], f"one of {', '.join(known)}")
+    T_target_source = None
+    if any(cells[column] for column in POSE_COLUMNS):
+        x, y, z, roll, pitch, yaw = (_number(cells, column, where) for column in POSE_COLUMNS)
+        R = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+        T_target_source = RigidTransform.from_components([x, y, z], R)
+    return TriedPair(indices[0], indices[1], cells["role"], ANSWERS[cells["kept"]], T_target_source)
+
+
+def _number(cells: Mapping[str, str], column: str, where: str) -> float:
+    largest = _MOST_DEGREES if column.endswith("deg") else LARGEST
+    wanted = f"a number within {largest:g}, or all of {', '.join(POSE_COLUMNS)} empty"
+    return number_within(where, column, cells[column], (-largest, largest), wanted)

@@ -7,7 +7,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.pings.patches import AS_LINES, LineReading
+from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading
 
 SOUND_SPEEDS = (1000.0, 2000.0)  # [m/s]; in water 1400 to 1600
 # Axes of the points as a file has them -> rows of R_flu_file: forward, left and up in the file's axes.

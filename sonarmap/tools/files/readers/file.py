@@ -1,6 +1,5 @@
 """One point cloud file to clouds. A new format is a file in clouds/ and a row of FORMATS."""
 
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, islice
@@ -17,26 +16,22 @@ from sonarmap.tools.files.readers.clouds.las import read_las
 from sonarmap.tools.files.readers.clouds.npy import read_npy, read_npz
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.files.readers.clouds.ply import read_ply
-from sonarmap.tools.files.readers.clouds.rows import require_believable
-from sonarmap.tools.files.readers.clouds.text import read_text
+from sonarmap.tools.files.readers.clouds.rows import read_text, require_believable
+from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading, line_clouds
 from sonarmap.tools.files.readers.pings.line_file import FORMATS as LINES
-from sonarmap.tools.files.readers.pings.patches import AS_LINES, LineReading, line_clouds
 from sonarmap.tools.files.readers.poses.trajectory import places_at, read_tum
 from sonarmap.tools.files.readers.selection import SelectedFile
-from sonarmap.tools.files.user_file import naming, unreadable
+from sonarmap.tools.files.user_file import Kind, naming, require_kind, unreadable
 
 TRAJECTORY = ".tum"  # the suffix of one beside a file of points
 _COARSEST = 0.01  # seconds between two numbers of a point's time; a vehicle moves centimeters in it
-_HEAD = 4096  # bytes that are looked at to recognize a format
 _LISTED = 3  # scans without points that a note names
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class Format(Kind):
     """A format of point clouds."""
 
-    kind: str  # what its files are, in words
-    start: bytes  # a regular expression for the first bytes of its files
     # from a file's content to its clouds; None where `stream` reads it
     read: Callable[[bytes], list[Cloud]] | None = None
     # for files larger than memory: from a path, and the topic that was chosen, to clouds one by one. It adds what the
@@ -115,7 +110,7 @@ def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> 
         suffix = path.suffix or "(no suffix)"
         raise InputError(f"{poses}unknown format {suffix!r}; known formats are {', '.join(FORMATS)}")
     if known is not _BAG_FOLDER:
-        _check_start(path)
+        require_kind(path, FORMATS)
     if selected.topic is not None and not known.has_topics:
         raise InputError(f"::{selected.topic} names a topic, and {known.kind} has none; leave it out")
     if known.is_line:
@@ -164,22 +159,6 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
         which = f"{', '.join(empty[:_LISTED])}{', ...' if len(empty) > _LISTED else ''}"
         name = selected.path.name
         notes.append(f"{name}: {len(empty):,} of {count:,} scans were skipped, as they have no points: {which}")
-
-
-def _check_start(path: Path) -> None:
-    if not path.is_file():
-        raise InputError("it is not a regular file; give a file, a folder or a pattern")
-    with unreadable(), path.open("rb") as file:
-        head = file.read(_HEAD)
-    if not head:
-        raise InputError("the file is empty (0 bytes); write or copy it again")
-    expected = FORMATS[path.suffix.lower()].kind
-    kinds = (known.kind for known in FORMATS.values() if re.match(known.start, head))
-    kind = next(kinds, "binary content of no known kind")
-    if kind != expected:
-        suffixes = [suffix for suffix, known in FORMATS.items() if known.kind == kind]
-        hint = f"rename it to {' or '.join(suffixes)} if that is what it is" if suffixes else "write or copy it again"
-        raise InputError(f"it is called {path.suffix} but holds {kind}; wanted {expected}: {hint}")
 
 
 def _with_viewpoints(cloud: Cloud, path: Path) -> Cloud:

@@ -11,7 +11,7 @@ from pathlib import Path
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.clouds import CLOUD_KINDS, stream_recording
-from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
+from sonarmap.tools.files.readers.bags.open import open_recording
 from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
 from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.scans import FORMATS, read_survey
@@ -144,7 +144,7 @@ def _of_mcap(path: Path, corrections: Corrections, more: Callable[[], bool], aft
 def _has_clouds(path: Path) -> bool:
     """Whether there is a cloud in an MCAP file yet."""
     try:
-        return bool(open_mcap(path).of_kinds(CLOUD_KINDS))
+        return bool(open_recording(path, []).of_kinds(CLOUD_KINDS))
     except InputError:
         return False
 

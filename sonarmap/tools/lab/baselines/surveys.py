@@ -21,7 +21,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.files.map_folder.pairs import CHAIN, TriedPair
+from sonarmap.tools.files.map_folder.names import CHAIN, TriedPair
 from sonarmap.tools.lab.baselines.features import MATCH_REACH, FeatureRegistrar
 from sonarmap.tools.lab.baselines.points import ThinnedCloud, one_thread, silent, to_open3d
 

@@ -4,6 +4,7 @@ import numpy as np
 import scipy.fft
 from scipy.spatial import KDTree
 
+from sonarmap.kernels.device.arrays import upload_places
 from sonarmap.kernels.points.voxelize import voxelize
 from sonarmap.kernels.resample.layers import (
     normalize_layers,
@@ -14,7 +15,7 @@ from sonarmap.kernels.resample.layers import (
     upload_directions,
     valid_pixels,
 )
-from sonarmap.kernels.surface.cells import NEIGHBORS, find_nearest, fit_planes, sort_into_cells, upload_places
+from sonarmap.kernels.surface.cells import NEIGHBORS, find_nearest, fit_planes, sort_into_cells
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import RESAMPLED, KernelCase
 from sonarmap.tools.lab.bench.workload import SMALL_SHIFT, SMALL_TURN, R, Workload

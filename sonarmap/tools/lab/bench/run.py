@@ -20,8 +20,8 @@ from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.memory import peak_memory
+from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.spectra_cases import peer_versions

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.map_folder.pairs import CHAIN, TriedPair, read_pairs
+from sonarmap.tools.files.map_folder.names import CHAIN, TriedPair, read_pairs
 from sonarmap.tools.files.readers.csv_table import PAIRS
 from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration, calibrate_poses

@@ -13,7 +13,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.executor import processes, this_process
 from sonarmap.slam.execute.journal import Journal, JournalEntry
-from sonarmap.tools.files.inputs import package_versions
+from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.lab.bench.timing import count_cores, processor_name
 from sonarmap.tools.lab.reproduce.experiments import (

@@ -12,7 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.map_folder.pairs import TriedPair
+from sonarmap.tools.files.map_folder.names import TriedPair
 
 if TYPE_CHECKING:
     from sonarmap.slam.pair import Pair

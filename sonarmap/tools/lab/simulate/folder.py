@@ -3,10 +3,9 @@
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.instruments import PRIORS
-from sonarmap.tools.files.user_file import read_json
+from sonarmap.tools.files.user_file import package_versions, read_json
 from sonarmap.tools.files.writers.atomic import all_or_none
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.poses import write_tum

@@ -8,7 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.lab.simulate.routes import gate_path, lawnmower_path, survey_path
-from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene, scene_kind
+from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
+from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
 from sonarmap.tools.lab.simulate.sensing.overlap import shared_view
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor, bare

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times
+from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.points import float32_origin, pack_records
 from sonarmap.tools.files.writers.poses import pose_numbers

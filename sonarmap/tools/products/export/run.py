@@ -12,11 +12,10 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.inputs import package_versions, sha256_of
-from sonarmap.tools.files.map_folder.folder import Map, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart, mapped_scans
 from sonarmap.tools.files.map_folder.names import OF_ALL, earlier_files, side_car, write_summary
-from sonarmap.tools.files.map_folder.scans import mapped_scans
 from sonarmap.tools.files.time_scales import are_times, utc_text
+from sonarmap.tools.files.user_file import package_versions, sha256_of
 from sonarmap.tools.files.writers.atomic import all_or_none, locked, require_writable
 from sonarmap.tools.files.writers.tables import write_json
 from sonarmap.tools.products.export.clouds import Cloud

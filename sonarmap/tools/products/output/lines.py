@@ -15,10 +15,10 @@ from sonarmap.slam.pings.pieces import moved
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY, write_summary
+from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, write_summary
 from sonarmap.tools.files.readers.clouds.cloud import PingPatch
-from sonarmap.tools.files.readers.pings.line_file import read_line
-from sonarmap.tools.files.readers.pings.patches import LineReading
+from sonarmap.tools.files.readers.csv_table import SUMMARY
+from sonarmap.tools.files.readers.pings.line_file import LineReading, read_line
 from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path

@@ -16,8 +16,8 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.map_folder.pairs import ANSWERS, POSE_COLUMNS
-from sonarmap.tools.files.readers.ties import POSE, SIGMAS
+from sonarmap.tools.files.map_folder.names import ANSWERS, POSE_COLUMNS
+from sonarmap.tools.files.readers.constraints import POSE, SIGMAS
 from sonarmap.tools.files.writers.tables import write_table
 
 COLUMNS = (

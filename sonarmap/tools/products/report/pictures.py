@@ -15,8 +15,8 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
+from sonarmap.tools.files.readers.navigation.log import KINDS
 from sonarmap.tools.files.readers.navigation.overview import LogOverview
-from sonarmap.tools.files.readers.navigation.rows import KINDS
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.report.provenance import plain_text, survey_date, survey_name
 

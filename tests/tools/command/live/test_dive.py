@@ -19,9 +19,10 @@ from sonarmap.tools.command.live.dive import Dive, KilledError
 from sonarmap.tools.command.live.recording import Again
 from sonarmap.tools.products.live.messages import State
 from tests.samples.clutter_scans import done, refused, scan, sonarmap, write
-from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.command_line import SONARMAP
 from tests.samples.dives import Dive as Swim
 from tests.samples.live.sender import LOOPBACK, free_port, send
+from tests.samples.places import ROOT
 from tests.tools.command.live.waiting import until
 
 OPTIONS = ("--grid", "64", "--voxel", "0.35")

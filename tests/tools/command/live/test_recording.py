@@ -14,8 +14,8 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.live.recording import RecordingProcess
 from sonarmap.tools.files.readers.sonar.recording import Recording
-from tests.samples.command_line import ROOT
 from tests.samples.live.sender import LOOPBACK, free_port, send
+from tests.samples.places import ROOT
 from tests.samples.recordings import recording
 from tests.tools.command.live.waiting import until
 

@@ -14,9 +14,9 @@ from threading import Thread
 import pytest
 
 from sonarmap.tools.command.live.recording import recorder_of
-from tests.samples.command_line import ROOT
 from tests.samples.dives import Dive as Swim
 from tests.samples.live.sender import LOOPBACK, free_port, send
+from tests.samples.places import ROOT
 from tests.tools.command.live.waiting import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]

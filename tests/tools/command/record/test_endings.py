@@ -15,9 +15,10 @@ from threading import Event
 import pytest
 
 from sonarmap.tools.files.readers.sonar.recording import Recording
-from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.command_line import SONARMAP
 from tests.samples.live.recorded import messages_by_wlsonar, record_while
 from tests.samples.live.sender import LOOPBACK, free_port, send
+from tests.samples.places import ROOT
 from tests.samples.recordings import recording
 
 PACKETS = [packet.content for packet in recording(20)]

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import sonarmap as sonarmap_package
+from sonarmap.slam.pings.biases import Biases
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import read_map_folder
-from sonarmap.tools.files.map_folder.scans import mapped_scans
+from sonarmap.tools.files.map_folder.folder import mapped_scans, read_map_folder
 from sonarmap.tools.products.export.clouds import Cloud
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of
 from tests.samples.lines import HERE, gsf_of
-from tests.slam.pings.simulated_lines import WRONG, Biases, Survey, simulated
+from tests.slam.pings.simulated_lines import WRONG, Survey, simulated
 from tests.tools.products.export.test_clouds import same_as_fused
 
 PINGS, LANES = 250, 3

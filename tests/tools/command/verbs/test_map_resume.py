@@ -17,7 +17,8 @@ import pytest
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
 from tests.samples.clutter_scans import files_in, scan, sonarmap, write
-from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.command_line import SONARMAP
+from tests.samples.places import ROOT
 
 KILLS, SEED = 20, 7
 CLUTTER = ("--grid", "64", "--voxel", "0.35")

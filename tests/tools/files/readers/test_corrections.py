@@ -10,7 +10,8 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, Corrections, PointFrame
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.cloud_files import TABLE, npz, range_image
+from tests.samples.cloud_files import TABLE, npz
+from tests.samples.recordings import range_image
 from tests.samples.refusals import refuses
 
 POINTS = np.array([[1.5, -2.25, 0.75], [6.75, 0.125, -3.5]])

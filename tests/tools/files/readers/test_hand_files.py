@@ -9,8 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.control import read_control
-from sonarmap.tools.files.readers.ties import read_ties
+from sonarmap.tools.files.readers.constraints import read_control, read_ties
 from tests.samples.refusals import refuses
 
 SCANS = [Scan(np.ones((1, 3), np.float32), stamp=float(k), name=f"dive{k}") for k in range(12)]

@@ -20,10 +20,11 @@ from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.memory import available_memory, require_memory
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
 from sonarmap.tools.files.user_file import read_json
-from tests.samples.cloud_files import npz, put, range_image
+from tests.samples.cloud_files import npz, put
 from tests.samples.clutter_scans import plane, refused_with_reason, said, sonarmap, write
 from tests.samples.damage.pose_files import POSE_FILES, numbers_in
 from tests.samples.processor_time import thrifty
+from tests.samples.recordings import range_image
 from tests.samples.refusals import refuses
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, clear_leftovers, locked
-from tests.samples.command_line import ROOT
+from tests.samples.places import ROOT
 
 
 def put(path: Path, text: str) -> None:

@@ -16,7 +16,7 @@ from sonarmap.tools.files.readers.navigation.log import named_scan
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.tables import write_table, write_template
-from tests.samples.command_line import ROOT
+from tests.samples.places import ROOT
 from tests.samples.refusals import refuses
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.map_folder.pairs import CHAIN
+from sonarmap.tools.files.map_folder.names import CHAIN
 from sonarmap.tools.lab.baselines.surveys import run_kiss_slam, run_multiway
 from sonarmap.tools.lab.evaluate.survey import score_pairs
 from sonarmap.tools.lab.evaluate.trajectory import evaluate

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.map_folder.pairs import TriedPair
+from sonarmap.tools.files.map_folder.names import TriedPair
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.lab.evaluate.map_error import map_error, read_points, reference_of
 from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration, calibrate_poses

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.device.device import Device
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.map_folder.pairs import TriedPair
+from sonarmap.tools.files.map_folder.names import TriedPair
 from sonarmap.tools.lab.reproduce import survey_rows as simulated
 from sonarmap.tools.lab.reproduce.experiments import Request, create
 from sonarmap.tools.lab.reproduce.survey import RULES, USUAL

@@ -12,8 +12,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import read_map_folder
-from sonarmap.tools.files.map_folder.scans import mapped_scans
+from sonarmap.tools.files.map_folder.folder import mapped_scans, read_map_folder
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from tests.tools.products.export.finished import COUNT, START, STEP, finished_map

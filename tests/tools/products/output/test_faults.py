@@ -14,8 +14,8 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.inputs import input_rows
-from sonarmap.tools.files.readers.ties import POSE, SIGMAS, read_ties
+from sonarmap.tools.files.readers.constraints import POSE, SIGMAS, read_ties
+from sonarmap.tools.files.user_file import input_rows
 from sonarmap.tools.products.output.faults import faults
 from sonarmap.tools.products.output.pairs_file import tie_rows
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.pair import Pair
-from sonarmap.tools.files.map_folder.pairs import read_pairs
+from sonarmap.tools.files.map_folder.names import read_pairs
 from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.output.pairs_file import COLUMNS, write_pairs

@@ -14,7 +14,8 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.folder import read_map_folder
-from sonarmap.tools.files.map_folder.names import FULL_GRAPH, REPORT, SUMMARY
+from sonarmap.tools.files.map_folder.names import FULL_GRAPH, REPORT
+from sonarmap.tools.files.readers.csv_table import SUMMARY
 from sonarmap.tools.products.report.content import Content, content_of
 from sonarmap.tools.products.report.page import SCRIPTS, report_text, write_report
 from tests.samples.places import ROOT

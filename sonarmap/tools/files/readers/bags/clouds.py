@@ -10,8 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.frames import Frames, numbers_of, stamp_of
-from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
-from sonarmap.tools.files.readers.bags.open import open_recording
+from sonarmap.tools.files.readers.bags.open import open_mcap, open_recording
 from sonarmap.tools.files.readers.bags.recording import (
     FOXGLOVE_CLOUD,
     POINT_CLOUD,
@@ -44,7 +43,7 @@ def stream_recording(
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)
     frames, faults = Frames(recording), list[str]()
     if more is not None:
-        recording = open_mcap(path, more=more)
+        recording = open_mcap(path, path.stat().st_size, more)
     usable = unstamped = 0
     for number, message in enumerate(recording.messages([chosen.name], faults)):
         try:

@@ -1,38 +1,83 @@
-"""Opens recordings of every format, ROS 2 bags that are folders too: metadata.yaml, and one file after another."""
+"""Opens recordings of every format: MCAP, what rosbags reads, and ROS 2 bags that are folders.
+
+MCAP is read by its index: of each topic the chunks that hold it. A file that was cut, or has no index, is read from its
+first byte as far as it goes, and one that grows for as long as it does (https://mcap.dev/spec). rosbags reads ROS 1
+bags and the SQLite of ROS 2. A folder has a metadata.yaml, and one file after another.
+"""
 
 from __future__ import annotations
 
+import sqlite3
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
+from io import SEEK_END
+from itertools import chain, repeat
 from math import inf
+from operator import attrgetter
 from pathlib import Path, PurePath
+from struct import Struct
+from types import SimpleNamespace
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, cast
+from zlib import crc32
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.mcap_file import open_mcap, open_ros1, open_sqlite
-from sonarmap.tools.files.readers.bags.recording import Message, Recording, Room, topics_of
+from sonarmap.tools.files.readers.bags.recording import (
+    CUT_OR_DAMAGED,
+    LARGEST,
+    NOT_BELIEVABLE,
+    ZSTD_START,
+    HeldBytes,
+    Message,
+    Recording,
+    Room,
+    Unpacker,
+    most_records,
+    refused,
+    topics_of,
+)
+from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 from sonarmap.tools.files.readers.selection import BAG_METADATA, BAG_TITLE, is_bag_folder
 from sonarmap.tools.files.user_file import naming
 
-_LARGEST = 1 << 18  # bytes of metadata, of which YAML reads 100 KB in a second
+if TYPE_CHECKING:
+    from mcap.records import Channel, Chunk, McapRecord, Schema
+
+_LARGEST_METADATA = 1 << 18  # bytes, of which YAML reads 100 KB in a second
 _COMPRESSED = (".zstd", ".zst")
-# of a bag's files; a second argument is their bytes before they were unpacked
-_OPENERS: dict[str, Callable[[Path, int | None], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
+_IN_FOLDERS = (".db3", ".mcap")
+_MAGIC = 8  # bytes at a file's start
+_RECORD = 512  # bytes of memory that a record takes beside its content
+_READS = 8  # that a record takes at most
+_END = Struct("<Q8xI8x")  # of a file: where the summary starts, and its checksum
+_UNCHECKED = 12  # bytes of the end that the checksum does not cover
+_LARGEST_GROWN = 1 << 40  # bytes of a file that grows
+_Opened = Callable[[Path], AbstractContextManager[Any]]  # gives the reader of `rosbags` of a file
+_Unpacked = Callable[[Any, Any, str], bytes]  # of a message's content, time and topic; InputError where it is damaged
 
 
 def is_recording(path: Path) -> bool:
     """Whether a file is a recording by its suffix, or a folder is a ROS 2 bag."""
-    return path.suffix.lower() in (".bag", *_OPENERS) or is_bag_folder(path)
+    return path.suffix.lower() in (".bag", *_IN_FOLDERS) or is_bag_folder(path)
 
 
 def open_recording(path: Path, notes: list[str]) -> Recording:
     """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list. Raises
     InputError: it is damaged, or there is no message in it."""
-    if path.is_dir():
-        return _open_folder(path, notes)
-    suffix = path.suffix.lower()
-    return open_ros1(path) if suffix == ".bag" else _OPENERS[suffix](path, None)
+    return _open_folder(path, notes) if path.is_dir() else _open_file(path, path.stat().st_size)
+
+
+def _open_file(path: Path, packed: int) -> Recording:
+    """`packed`: bytes of the file before it was unpacked, if it was."""
+    match path.suffix.lower():
+        case ".bag":
+            return _recording(path, _opened_ros1, "ros1", lambda content, time, topic: content)
+        case ".db3":
+            return _open_sqlite(path, packed)
+        case _:
+            return open_mcap(path, packed)
 
 
 def _open_folder(folder: Path, notes: list[str]) -> Recording:
@@ -48,10 +93,10 @@ def _open_folder(folder: Path, notes: list[str]) -> Recording:
     counts = Counter[tuple[str, str]]()
     for topic in chain.from_iterable(part.topics for part in parts):
         counts[topic.name, topic.kind] += topic.count
-    return Recording(topics_of(counts), partial(_messages, parts, room))
+    return Recording(topics_of(counts), partial(_messages_of_parts, parts, room))
 
 
-def _messages(
+def _messages_of_parts(
     parts: Sequence[Recording], _: Room | None, names: Collection[str], faults: list[str]
 ) -> Iterator[Message]:
     """The files that were unpacked stay for as long as this can be called."""
@@ -62,7 +107,7 @@ def _messages(
 def _open_part(file: Path, room: Room | None) -> Recording:
     with naming(file.name):
         plain = room.unpack(file) if room and file.suffix in _COMPRESSED else file
-        return _OPENERS[plain.suffix](plain, file.stat().st_size)
+        return _open_file(plain, file.stat().st_size)
 
 
 def _start(part: Recording) -> float:
@@ -91,7 +136,7 @@ def _listed(folder: Path) -> list[Path]:
     from ruamel.yaml import YAML
 
     try:
-        text = (folder / BAG_METADATA).read_bytes()[:_LARGEST]
+        text = (folder / BAG_METADATA).read_bytes()[:_LARGEST_METADATA]
         names = YAML(typ="safe").load(text)[BAG_TITLE]["relative_file_paths"]
         return list(dict.fromkeys(folder / PurePath(name).name for name in names))
     except Exception:  # noqa: BLE001 - damage in YAML ends in errors of any kind
@@ -99,8 +144,300 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _is_recording(file: Path) -> bool:
-    return PurePath(_plain_name(file)).suffix in _OPENERS
+    return PurePath(_plain_name(file)).suffix in _IN_FOLDERS
 
 
 def _plain_name(file: Path) -> str:
     return file.stem if file.suffix in _COMPRESSED else file.name
+
+
+def open_mcap(path: Path, packed: int, more: Callable[[], bool] | None = None) -> Recording:
+    """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. `more`: whether messages
+    may still come, asked where the file ends, after waiting; None for a finished one. Its topics are those that are
+    there. Raises InputError: there is no message in it."""
+    faults: list[str] = []
+    most = most_records(packed)
+    contents = _indexed(path) or _counted(_records(path, most, faults))
+    empty: dict[int, Message] = {}  # of each channel, without time and content
+    known = Counter[tuple[str, str]]()
+    for number, channel in contents.channels.items():
+        schema, encoding = contents.schemas.get(channel.schema_id), channel.message_encoding
+        kind = schema.name if schema else "(no type)"
+        if kind.count("/") == 1:  # ROS 1 leaves the /msg/ out
+            kind = kind.replace("/", "/msg/")
+        needed = schema.data if schema and encoding == "protobuf" else b""
+        empty[number] = Message(channel.topic, kind, 0, b"", encoding, needed)
+        known[channel.topic, kind] += contents.counts.get(number, 0)
+    if not known.total():
+        raise InputError(faults[0] if faults else "there is no message in it; record its topics again")
+    if more is not None:
+        return Recording(topics_of(known), partial(_messages, path, most_records(_LARGEST_GROWN), empty, None, more))
+    return Recording(topics_of(known), partial(_messages, path, most, empty, contents.chunks, None))
+
+
+@dataclass(frozen=True, slots=True)
+class _Contents:
+    """What a file says, or a pass over it, of all that it holds."""
+
+    schemas: Mapping[int, Schema]  # by their numbers, as the channels
+    channels: Mapping[int, Channel]
+    counts: Mapping[int, int]  # messages of each channel
+    # the chunks in the file's order: where each starts, and the channels in it (none named: any); None where they are
+    # not known
+    chunks: Sequence[tuple[int, Collection[int]]] | None
+
+
+def _indexed(path: Path) -> _Contents | None:
+    """As the summary at the file's end has it; None where there is none, or it is damaged, or says too little."""
+    from mcap.opcode import Opcode
+    from mcap.reader import SeekingReader
+
+    size = path.stat().st_size
+    try:
+        with HeldBytes(path) as file, refused("its summary cannot be read"):
+            # the reader would pass over whatever comes before a header, also chunks that unpack to gigabytes
+            if file.read(_MAGIC + 1)[_MAGIC:] != bytes([Opcode.HEADER]):
+                return None
+            file.seek(0)
+            reader = SeekingReader(file, record_size_limit=size)
+            reader.get_header()
+            summary = reader.get_summary()
+            file.seek(-_END.size, SEEK_END)
+            start, checksum = _END.unpack(file.read())
+            file.seek(start)
+            if checksum not in (0, crc32(file.read(size - start - _UNCHECKED))):
+                return None
+    except InputError:
+        return None
+    if summary is None or (statistics := summary.statistics) is None:
+        return None
+    counts, chunks = (
+        statistics.channel_message_counts,
+        sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset")),
+    )
+    if not (counts.keys() <= summary.channels.keys() and 0 < len(chunks) == statistics.chunk_count):
+        return None
+    starts = [(chunk.chunk_start_offset, chunk.message_index_offsets.keys()) for chunk in chunks]
+    return _Contents(summary.schemas, summary.channels, counts, starts)
+
+
+def _counted(records: Iterator[McapRecord]) -> _Contents:
+    """As a pass over all records has it."""
+    from mcap.records import Channel, Schema
+    from mcap.records import Message as Record
+
+    schemas, channels, counts = dict[int, Schema](), dict[int, Channel](), Counter[int]()
+    for record in records:
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Record):
+            counts[record.channel_id] += 1
+    return _Contents(schemas, channels, counts, None)
+
+
+def _messages(
+    path: Path,
+    most: int,
+    empty: Mapping[int, Message],
+    chunks: Sequence[tuple[int, Collection[int]]] | None,
+    more: Callable[[], bool] | None,
+    names: Collection[str],
+    faults: list[str],
+) -> Iterator[Message]:
+    """In the order of the file, and by their times within a chunk."""
+    from mcap.records import Message as Record
+
+    wanted = {number for number, of in empty.items() if of.topic in names}
+    starts = None
+    if chunks is not None:
+        starts = [start for start, channels in chunks if not channels or not wanted.isdisjoint(channels)]
+    for record in _records(path, most, faults, more, starts):
+        if isinstance(record, Record) and record.channel_id in wanted:
+            yield replace(empty[record.channel_id], time=record.log_time, content=record.data)
+
+
+def _records(
+    path: Path,
+    most: int,
+    faults: list[str],
+    more: Callable[[], bool] | None = None,
+    starts: Sequence[int] | None = None,
+) -> Iterator[McapRecord]:
+    """Every record, those in chunks too, of which there may be `most` believably; with `starts` only those of the
+    chunks at these bytes. A chunk that is damaged is left out; what is cut or has no end is the end."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
+    size = path.stat().st_size if more is None else _LARGEST_GROWN
+    with path.open("rb") as file:
+        whole, chunks = _WholeReads(file, path, _READS * most, more), _Chunks(Unpacker(size), most)
+        stream = partial(StreamReader, cast(IO[bytes], whole), emit_chunks=True, record_size_limit=None)
+        records = iter(stream(skip_magic=False).records)
+        for place in repeat(None) if starts is None else starts:
+            if place is not None:
+                whole.seek(place)
+                records = iter(stream(skip_magic=True).records)
+            start = whole.place
+            try:
+                with refused(f"its record at byte {start:,} cannot be read"):
+                    record = next(records, None)
+            except InputError as error:
+                faults.append(str(error))
+                if place is None:
+                    return
+                continue
+            if record is None:
+                return
+            try:
+                with refused(f"its chunk at byte {start:,} cannot be unpacked"):
+                    if place is not None and not isinstance(record, Chunk):
+                        raise InputError(f"its index names a chunk at byte {start:,}, and there is none")
+                    inner = chunks.records(record) if isinstance(record, Chunk) else [record]
+            except InputError as error:
+                faults.append(f"{error}: the messages in it are missing")
+                continue
+            yield from inner
+
+
+@dataclass(slots=True)
+class _Chunks:
+    """Takes the chunks of a file apart, within bounds for each and for all of them."""
+
+    unpacked: Unpacker  # their bytes
+    left: int  # how many records may still come
+
+    def records(self, chunk: Chunk) -> list[McapRecord]:
+        """Schemas and channels first, then messages by their times."""
+        from mcap.records import Message as Record
+        from mcap.stream_reader import breakup_chunk
+
+        plain = self.unpacked(chunk.data, chunk.compression)
+        if len(plain) != chunk.uncompressed_size:
+            raise InputError(f"it claims {chunk.uncompressed_size:,} bytes and holds {len(plain):,}")
+        self.left -= _count_records(plain, min(self.left, most_unpacked(len(chunk.data)) // _RECORD))
+        records = breakup_chunk(replace(chunk, data=plain, compression=""), validate_crc=True)
+        return sorted(records, key=lambda record: record.log_time if isinstance(record, Record) else -1)
+
+
+def _count_records(plain: bytes, most: int) -> int:
+    """How many records a chunk has: each is a byte of its kind, eight of its length, and its content. Raises
+    InputError: more than `most`."""
+    place = count = 0
+    while place < len(plain):
+        place += 9 + int.from_bytes(plain[place + 1 : place + 9], "little")
+        count += 1
+        if count > most:
+            raise InputError(f"it holds more than the {most:,} records that may still come, {NOT_BELIEVABLE}")
+    return count
+
+
+class _WholeReads:
+    """A file whose every read is whole. `most`: how many reads it may take believably; `more` as of `open_mcap`."""
+
+    def __init__(self, file: BinaryIO, path: Path, most: int, more: Callable[[], bool] | None = None) -> None:
+        self._file, self._path, self._left, self._more = file, path, most, more
+        self._size = path.stat().st_size
+        self.place = 0
+
+    def seek(self, place: int) -> None:
+        """Go on at a byte."""
+        self.place = self._file.seek(place)
+
+    def read(self, length: int) -> bytes:
+        """The next bytes. Raises InputError: there are not so many, or more than memory should hold, or too many reads;
+        nothing is read then."""
+        self._left -= 1
+        if self._left < 0:
+            raise InputError(f"it has too many records before byte {self.place:,}, {NOT_BELIEVABLE}")
+        while self._more is not None and self._size - self.place < length <= LARGEST and self._more():
+            self._size = self._path.stat().st_size
+        left = self._size - self.place
+        if not 0 <= length <= min(left, LARGEST):
+            raise InputError(
+                f"at byte {self.place:,} it claims {length:,} bytes more, and {left:,} are left: {CUT_OR_DAMAGED}"
+            )
+        content = self._file.read(length)
+        self.place += len(content)
+        return content
+
+
+def _open_sqlite(path: Path, size: int) -> Recording:
+    """Messages may be compressed one by one. Raises InputError: no database of ROS 2 messages, a damaged one, or too
+    many for its bytes."""
+    recording = _recording(path, _opened_sqlite, "cdr", partial(_plain, Unpacker(size)))
+    if sum(topic.count for topic in recording.topics) > most_records(size):
+        raise InputError(f"it has more than {most_records(size):,} messages, {NOT_BELIEVABLE}")
+    return recording
+
+
+def _recording(path: Path, opened: _Opened, encoding: str, unpacked: _Unpacked) -> Recording:
+    counts: Counter[tuple[str, str]] = Counter()
+    with opened(path) as reader:
+        for connection in reader.connections:
+            counts[connection.topic, connection.msgtype] += connection.msgcount
+    return Recording(topics_of(counts), partial(_indexed_messages, path, opened, encoding, unpacked))
+
+
+def _indexed_messages(
+    path: Path, opened: _Opened, encoding: str, unpacked: _Unpacked, names: Collection[str], faults: list[str]
+) -> Iterator[Message]:
+    with opened(path) as reader:
+        wanted = [connection for connection in reader.connections if connection.topic in names]
+        try:
+            with refused("a message of it cannot be read"):
+                for connection, time, content in reader.messages(wanted) if wanted else ():
+                    plain = unpacked(content, time, connection.topic)
+                    yield Message(connection.topic, connection.msgtype, time, plain, encoding)
+        except InputError as error:
+            faults.append(f"{error}; what follows is missing")
+
+
+@contextmanager
+def _opened_ros1(path: Path) -> Iterator[Any]:
+    """The bag with its index, and chunks that unpack to a limit."""
+    from rosbags.rosbag1 import Reader
+    from rosbags.rosbag1.reader import decompressors
+
+    names = {decompressor: name for name, decompressor in decompressors.items()}
+    reader, unpacked = Reader(path), Unpacker(path.stat().st_size)
+    with refused("its index cannot be read; `rosbag reindex` makes another"):
+        reader.path = cast(Any, SimpleNamespace(open=lambda _: HeldBytes(path)))
+        reader.open()
+        for place, chunk in reader.chunks.items():
+            limited = partial(unpacked, compression=names[chunk.decompressor])
+            reader.chunks[place] = chunk._replace(decompressor=limited)
+    with closing(reader):
+        yield reader
+
+
+@contextmanager
+def _opened_sqlite(path: Path) -> Iterator[Any]:
+    from rosbags.rosbag2 import Reader
+
+    with refused("it cannot be opened as the database of a ROS 2 bag"):
+        _require_stored(path)
+        reader = Reader(path)
+        reader.open()
+        counts = [connection.msgcount for connection in reader.connections]
+        names = [text for connection in reader.connections for text in (connection.topic, connection.msgtype)]
+        if not all(isinstance(text, str) for text in names) or not all(isinstance(count, int) for count in counts):
+            reader.close()
+            raise InputError("its table of topics is damaged; copy it again")
+    with closing(reader):
+        yield reader
+
+
+def _require_stored(path: Path) -> None:
+    """Refuse columns that SQLite computes: a few bytes of schema would make a gigabyte of each message."""
+    with closing(sqlite3.connect(path)) as database:
+        computed = "SELECT t.name FROM sqlite_master t, pragma_table_xinfo(t.name) c WHERE c.hidden LIMIT 1"
+        if table := database.execute(computed).fetchone():
+            raise InputError(f"its table {table[0]} has a column that is computed, as no recorder does: copy it again")
+
+
+def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:
+    if not isinstance(content, bytes) or not isinstance(time, int):
+        raise InputError(f"a message of {topic} is not bytes, or has no time; copy it again")
+    return unpacked(content, "zstd") if content.startswith(ZSTD_START) else content

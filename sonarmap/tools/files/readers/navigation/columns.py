@@ -1,6 +1,6 @@
 """The columns of a file of navigation: which is what, and what is refused because it may be two things."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -10,8 +10,9 @@ from sonarmap.tools.files.readers.navigation.headings import (
     KEYS,
     OWN,
     QUANTITIES,
+    SOURCES,
     Column,
-    Instrument,
+    Usual,
     column_of,
     usual_note,
     usual_of,
@@ -61,12 +62,12 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     for lone, other in () if is_own else (PAIRS[0], PAIRS[0][::-1]):  # in a log roll without pitch is left out
         if lone in of and other not in of:
             notes.append(f"{of.pop(lone).heading!r} is not used without a column of {other}")
-    _check_measured(of, sigmas, is_own)
+    usual = {} if sigmas is None else _usual(of, sigmas)
+    _check_measured(of, None if sigmas is None else {*sigmas, *usual}, is_own)
     used = {column.index for column in of.values()}
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
     if left and not (is_own and left == ["stamp"]):  # `inspect --template` writes it beside the name, which counts
         notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
-    usual = {} if is_own or sigmas is None else _usual(of, sigmas)
     if usual:
         notes.append(usual_note(usual))
     return Columns(of, is_own, tuple(notes), {column: sigma for column, (_, sigma) in usual.items()})
@@ -214,7 +215,8 @@ def _check_keys(of: dict[str, Column], is_own: bool, header: Sequence[str]) -> N
         )
 
 
-def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None, is_own: bool) -> None:
+def _check_measured(of: Mapping[str, Column], known: Collection[str] | None, is_own: bool) -> None:
+    """`known`: the columns of COLUMNS that need no standard deviation in the file; None where none is needed."""
     if not any(name in of for name in MEASURED):
         raise InputError(
             f"there is no column of measurements; wanted one or more of {', '.join(COLUMNS)}, or latitude and longitude"
@@ -222,37 +224,25 @@ def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None
     for first, second in PAIRS:
         if (first in of) != (second in of):
             raise InputError(f"{first} and {second} can only be used together; give both or neither")
-    if sigmas is None:
+    if known is None:
         return
-    usual = _usual(of, sigmas)
     for column, sigma, names in zip(COLUMNS, SIGMA_COLUMNS, SOURCES, strict=True):
         measured = [of[name].heading for name in names if name in of]
         if sigma in of and not measured and is_own:
             raise InputError(f"there is a column {sigma} but no {column}; delete it, or add {column}")
-        if measured and sigma not in of and column not in sigmas and column not in usual:
+        if measured and sigma not in of and column not in known:
             which = column if measured[0] == column else f"{column} ({measured[0]!r})"
             raise InputError(f"{which} has no standard deviation; add a column {sigma}, or give {PRIOR_SIGMAS}")
 
 
-def _usual(of: Mapping[str, Column], sigmas: Mapping[str, float]) -> dict[str, tuple[Instrument, float]]:
+def _usual(of: Mapping[str, Column], sigmas: Mapping[str, float]) -> dict[str, Usual]:
     """By columns of COLUMNS without a standard deviation whose headings name an instrument, what that errs by."""
-    found: dict[str, tuple[Instrument, float]] = {}
+    found: dict[str, Usual] = {}
     for column, sigma, names in zip(COLUMNS, SIGMA_COLUMNS, SOURCES, strict=True):
         words = [word for name in names if name in of for word in of[name].words]
         if sigma not in of and column not in sigmas and (named := usual_of(column, words)) is not None:
             found[column] = named
     return found
-
-
-# What each of COLUMNS may be made of
-SOURCES = (
-    ("roll_deg",),
-    ("pitch_deg",),
-    ("heading_deg", "yaw_deg"),
-    ("x_m", "lon_deg", "easting_m"),
-    ("y_m", "lat_deg", "northing_m"),
-    ("depth_m", "z_m", "height_m"),
-)
 
 
 def some(names: Sequence[str]) -> str:

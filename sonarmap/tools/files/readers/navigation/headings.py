@@ -44,11 +44,17 @@ SYNONYMS = {
 }
 QUANTITIES = (*SYNONYMS, *SIGMA_COLUMNS)
 GPS_NAMES = frozenset(["gpstime", "gpsseconds", "gpstow", "tow", "timeofweek", "secondsofweek", "sow"])
-# Whose standard deviation a column is, where a quantity becomes another
-SIGMA_OF = {
-    "roll_deg": 0, "pitch_deg": 1, "heading_deg": 2, "magnetic_deg": 2, "yaw_deg": 2, "x_m": 3, "lon_deg": 3,
-    "easting_m": 3, "y_m": 4, "lat_deg": 4, "northing_m": 4, "depth_m": 5, "height_m": 5, "z_m": 5,
-}  # fmt: skip
+# What each of COLUMNS may be made of
+SOURCES = (
+    ("roll_deg",),
+    ("pitch_deg",),
+    ("heading_deg", "yaw_deg"),
+    ("x_m", "lon_deg", "easting_m"),
+    ("y_m", "lat_deg", "northing_m"),
+    ("depth_m", "z_m", "height_m"),
+)
+_SIGMA_OF = {name: sigma for names, sigma in zip(SOURCES, SIGMA_COLUMNS, strict=True) for name in names}
+_SIGMA_OF["magnetic_deg"] = _SIGMA_OF["heading_deg"]
 _QUANTITY_OF = {synonym: quantity for quantity, synonyms in SYNONYMS.items() for synonym in synonyms.split()}
 _SIGMA_WORDS = frozenset(("sigma", "std", "stddev", "stdev", "sd"))
 _ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degre", "degres"), 1.0)
@@ -101,9 +107,9 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
     if not unit and (ending := re.search("(deg|degrees|(?<!g)rad|radians)$", word)):
         unit = ending[0]
     if quantity is None and len(words) > 1 and _SIGMA_WORDS.intersection(words):
-        if known not in SIGMA_OF:
+        if known not in _SIGMA_OF:
             return None
-        known = SIGMA_COLUMNS[SIGMA_OF[known]]
+        known = _SIGMA_OF[known]
     return Column(index, heading, known, _factor(heading, known, unit), word, unit, tuple(words))
 
 
@@ -150,51 +156,41 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
     return units[unit]
 
 
-@dataclass(frozen=True, slots=True)
-class Instrument:
-    name: str
-    words: frozenset[str]  # any of which in a heading names it
-    sigmas: Mapping[str, float]  # of COLUMNS [deg, m], of what it can measure
+def _both(first: str, second: str, sigma: float) -> dict[str, float]:
+    return {first: sigma, second: sigma}
 
 
-def _attitude(degrees: float) -> dict[str, float]:
-    return {"roll_deg": degrees, "pitch_deg": degrees}
-
-
-def _place(meters: float) -> dict[str, float]:
-    return {"x_m": meters, "y_m": meters}
-
-
-# The first that a heading names counts.
-INSTRUMENTS = (
-    Instrument("RTK", frozenset(("rtk", "ppk")), _place(0.05)),
-    Instrument("floating RTK", frozenset(("rtkfloat",)), _place(0.5)),
-    Instrument("DGNSS", frozenset(("dgps", "dgnss", "sbas", "egnos", "waas")), _place(1.5)),
-    Instrument("GNSS", frozenset(("gnss", "gps")), _place(3.0)),
-    Instrument("USBL", frozenset(("usbl", "ssbl", "hipap")), _place(3.0)),
-    Instrument("LBL", frozenset(("lbl",)), _place(0.5)),
-    Instrument("gyrocompass", frozenset(("gyro", "gyrocompass", "fog", "hdt")), {"heading_deg": 1.0}),
-    Instrument("compass", frozenset(("compass", "magnetic", "mag", "hdm", "fluxgate")), {"heading_deg": 5.0}),
-    Instrument("motion sensor", frozenset(("mru", "vru", "ahrs", "imu")), {**_attitude(0.5), "heading_deg": 2.0}),
-    Instrument("pressure", frozenset(("pressure", "ctd", "digiquartz", "paros")), {"depth_m": 0.1}),
+# What an instrument is called, the words of which any in a heading names it, and its standard deviations by COLUMNS
+# [deg, m]. The first that a heading names counts.
+INSTRUMENTS: tuple[tuple[str, str, Mapping[str, float]], ...] = (
+    ("RTK", "rtk ppk", _both("x_m", "y_m", 0.05)),
+    ("floating RTK", "rtkfloat", _both("x_m", "y_m", 0.5)),
+    ("DGNSS", "dgps dgnss sbas egnos waas", _both("x_m", "y_m", 1.5)),
+    ("GNSS", "gnss gps", _both("x_m", "y_m", 3.0)),
+    ("USBL", "usbl ssbl hipap", _both("x_m", "y_m", 3.0)),
+    ("LBL", "lbl", _both("x_m", "y_m", 0.5)),
+    ("gyrocompass", "gyro gyrocompass fog hdt", {"heading_deg": 1.0}),
+    ("compass", "compass magnetic mag hdm fluxgate", {"heading_deg": 5.0}),
+    ("motion sensor", "mru vru ahrs imu", {**_both("roll_deg", "pitch_deg", 0.5), "heading_deg": 2.0}),
+    ("pressure", "pressure ctd digiquartz paros", {"depth_m": 0.1}),
 )
-WORDS = frozenset(word for each in INSTRUMENTS for word in each.words)
+WORDS = frozenset(word for _, words, _ in INSTRUMENTS for word in words.split())
+Usual = tuple[str, float]  # an instrument's name, and its standard deviation in one of COLUMNS
 
 
-def usual_of(column: str, words: Iterable[str]) -> tuple[Instrument, float] | None:
-    """The instrument that a heading names by its words in small letters, and what it errs by in one of COLUMNS; None
-    where it names none that measures this."""
-    named = set(words)
-    return next(
-        ((each, each.sigmas[column]) for each in INSTRUMENTS if each.words & named and column in each.sigmas), None
-    )
+def usual_of(column: str, named: Iterable[str]) -> Usual | None:
+    """The instrument that a heading names by its words in small letters; None where it names none that measures this
+    one of COLUMNS."""
+    for name, words, sigmas in INSTRUMENTS:
+        if column in sigmas and {*words.split()}.intersection(named):
+            return name, sigmas[column]
+    return None
 
 
-def usual_note(named: Mapping[str, tuple[Instrument, float]]) -> str:
+def usual_note(named: Mapping[str, Usual]) -> str:
     """What is taken for the columns of COLUMNS, in words."""
     said = [
-        f"{column.rsplit('_', 1)[0]} {sigma:g} {'degrees' if column.endswith('deg') else 'm'} ({each.name})"
-        for column, (each, sigma) in named.items()
-        if column in COLUMNS
+        f"{column.rsplit('_', 1)[0]} {sigma:g} {'degrees' if column.endswith('deg') else 'm'} ({name})"
+        for column, (name, sigma) in named.items()
     ]
     return f"standard deviations are taken to be {', '.join(said)}; --prior-sigmas gives others"

@@ -225,11 +225,10 @@ def _say_sigmas(path: Path, kept: Sequence[_Said], settings: NavigationSettings,
             f"{path}: its headings have no time; they are placed by their lines, between the sentences with times"
         )
         if "heading_deg" not in settings.sigmas and (usual := usual_of("heading_deg", [_COMPASS])) is not None:
-            # pyrefly: ignore[bad-assignment]
             notes.append(f"{path}: {usual_note({'heading_deg': usual})}")
     if counts and "x_m" not in settings.sigmas:
-        usual = {kind: usual_of("x_m", [kind]) for kind in counts}
-        said = [f"{counts[kind]} of {each[0].name} ({each[1]:g} m)" for kind, each in usual.items() if each]
+        fixes = [(counts[kind], usual_of("x_m", [kind])) for kind in counts]
+        said = [f"{count} of {each[0]} ({each[1]:g} m)" for count, each in fixes if each]
         notes.append(f"{path}: fixes by what the receiver says of them: {', '.join(said)}; --prior-sigmas gives others")
 
 

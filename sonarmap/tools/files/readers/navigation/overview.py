@@ -14,9 +14,8 @@ from sonarmap.tools.files.readers.csv_table import read_csv_table
 from sonarmap.tools.files.readers.instruments import COLUMNS, PRIOR_SIGMAS, values_of
 from sonarmap.tools.files.readers.navigation.columns import MEASURED
 from sonarmap.tools.files.readers.navigation.headings import column_of
-from sonarmap.tools.files.readers.navigation.log import NavigationLog, at_scans
+from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans, usable_rows
 from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
-from sonarmap.tools.files.readers.navigation.rows import RowFault, usable_rows
 from sonarmap.tools.files.readers.navigation.settings import OF_NMEA, OF_TABLES, UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
 from sonarmap.tools.files.readers.navigation.time_offset import why_apart

@@ -16,9 +16,15 @@ from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.columns import some
-from sonarmap.tools.files.readers.navigation.log import SAME_STAMP, NavigationLog, at_scans, find_scan
+from sonarmap.tools.files.readers.navigation.log import (
+    SAME_STAMP,
+    NavigationLog,
+    at_scans,
+    fault_notes,
+    find_scan,
+    usable_rows,
+)
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
-from sonarmap.tools.files.readers.navigation.rows import fault_notes, usable_rows
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, by_the_maps_north, grid_of
 from sonarmap.tools.files.readers.navigation.time_offset import estimate_offset, heading_rates, why_apart
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
+from sonarmap.tools.files.readers.csv_table import MISSING, CsvRow, degrees, numbers, read_csv_table, refuse
 from sonarmap.tools.files.readers.instruments import (
     COLUMNS,
     LARGEST,
@@ -17,9 +17,9 @@ from sonarmap.tools.files.readers.instruments import (
     SIGMA_COLUMNS,
     check_measured,
 )
-from sonarmap.tools.files.readers.navigation.columns import PAIRS, SOURCES, Columns, columns_of
+from sonarmap.tools.files.readers.navigation.columns import PAIRS, Columns, columns_of
+from sonarmap.tools.files.readers.navigation.headings import SOURCES
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
-from sonarmap.tools.files.readers.navigation.rows import MISSING, degrees, numbers, refuse
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings, local_places
 from sonarmap.tools.files.readers.navigation.times import TimeCells, times_of
 from sonarmap.tools.files.user_file import naming

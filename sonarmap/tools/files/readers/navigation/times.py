@@ -8,9 +8,9 @@ from datetime import UTC, date, datetime, timedelta
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.csv_table import number, refuse
 from sonarmap.tools.files.readers.instruments import LARGEST_STAMP
 from sonarmap.tools.files.readers.navigation.headings import GPS_NAMES, Column, zone_of
-from sonarmap.tools.files.readers.navigation.rows import number, refuse
 from sonarmap.tools.files.time_scales import TAI_GPS, WEEK, TimeScale, utc_of_gps, utc_of_tai
 
 # Seconds since 1970 are below the first number until the year 5138, milliseconds above it since 1973, and so on

@@ -26,7 +26,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.readers.clouds.rows import Line, shown
 from sonarmap.tools.files.readers.instruments import LARGEST_INFORMATION
-from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines, transforms
+from sonarmap.tools.files.readers.poses.trajectory import finite_rows, read_lines, transforms
 from sonarmap.tools.files.user_file import naming
 
 VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"

@@ -10,7 +10,7 @@ import pytest
 from mcap.writer import Writer as PlainWriter
 
 from sonarmap.tools.files.readers.bags.clouds import cloud_of
-from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
+from sonarmap.tools.files.readers.bags.open import open_recording
 from sonarmap.tools.files.readers.bags.recording import Unpacker
 from sonarmap.tools.files.readers.file import clouds_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
@@ -277,7 +277,7 @@ def test_an_index_spares_passes_over_an_mcap_file(tmp_path: Path, monkeypatch: p
 
 def test_a_frame_that_is_no_text(tmp_path: Path) -> None:
     """By a schema that is damaged."""
-    (message,) = open_mcap(write_foxglove(tmp_path / "a.mcap", point_cloud())).messages(["/points"], [])
+    (message,) = open_recording(write_foxglove(tmp_path / "a.mcap", point_cloud()), []).messages(["/points"], [])
     as_number = message.schema.replace(b"frame_id\x18\x02 \x01(\t", b"frame_id\x18\x02 \x01(\x01")
     assert as_number != message.schema
     refuses(r"its foxglove.* contradicts itself", cloud_of, replace(message, schema=as_number))

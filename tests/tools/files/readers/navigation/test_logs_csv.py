@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonarmap.tools.files.readers.csv_table import degrees
 from sonarmap.tools.files.readers.instruments import sigmas_of
 from sonarmap.tools.files.readers.navigation.headings import column_of, zone_of
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.navigation.rows import degrees
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_columns
 from sonarmap.tools.files.readers.navigation.times import time_of_day
 from tests.samples.processor_time import quick

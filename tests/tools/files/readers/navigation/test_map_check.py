@@ -9,8 +9,7 @@ from sonarmap.slam.graph.place import place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.readers.navigation.contradictions import contradiction_of_map
-from sonarmap.tools.files.readers.navigation.mistakes import Contradiction
+from sonarmap.tools.files.readers.navigation.contradictions import Contradiction, contradiction_of_map
 from tests.tools.files.readers.navigation.test_contradictions import SIGMAS, TIGHT, drawn, measured, priors, registered
 
 FEET = np.array([1, 1, 1, 1, 1, 1 / 0.3048])

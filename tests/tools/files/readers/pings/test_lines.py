@@ -11,8 +11,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.pings.line_file import read_line
-from sonarmap.tools.files.readers.pings.patches import LineReading, line_clouds
+from sonarmap.tools.files.readers.pings.line_file import LineReading, line_clouds, read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.pings.datagrams import DEPTHS, EM, LAYOUT, SUFFIXES, written
@@ -237,8 +236,12 @@ def test_pings_without_a_position_are_left_out(tmp_path: Path) -> None:
 
 WRONG: list[tuple[str, Callable[[], bytes], str]] = [
     (".xtf", lambda: b"", r"the file is empty \(0 bytes\)"),
-    (".gsf", lambda: EM.file(LINE), r"it holds a Kongsberg \.all file, not a GSF file; rename it to \.all"),
-    (".all", lambda: b"%PDF-1.4 and more" * 9, r"it does not begin as a Kongsberg \.all file does"),
+    (
+        ".gsf",
+        lambda: EM.file(LINE),
+        r"holds a Kongsberg \.all file; wanted a GSF file: rename it to \.all",
+    ),
+    (".all", lambda: b"%PDF-1.4 and more" * 9, r"holds binary content of no known kind; wanted a Kongsberg \.all file"),
     (".xtf", lambda: xtf(LINE, []), "it holds no soundings of a multibeam echo sounder"),
     (
         ".xtf",
@@ -317,13 +320,13 @@ def test_a_gsf_child_that_dies_or_hangs(tmp_path: Path, monkeypatch: pytest.Monk
     path, child = write_gsf(tmp_path / "line.gsf", LINE), tmp_path / "child.py"
     real = gsf._CHILD.read_text()
     monkeypatch.setattr(gsf, "_CHILD", child)
-    monkeypatch.setattr(gsf, "_PATIENCE", 1.0)
+    monkeypatch.setattr(gsf, "_PATIENCE", 4.0)
     child.write_text("import os; os.abort()")
     refuses(r"line.gsf: the GSF library cannot read it \(crashed, Aborted\)", read_line, path, [])
     printed = "_print_ping(record.mb_ping, parameters, out)\n"
     child.write_text(real.replace(printed, printed + "            while identity.record_number == 0: pass\n"))
     line = read(path)
-    assert line.notes == ("the GSF library did not end within 1 s after 1 ping, which are kept: the file is damaged",)
+    assert line.notes == ("the GSF library did not end within 4 s after 1 ping, which are kept: the file is damaged",)
 
 
 def test_nominal_depths_of_a_gsf(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
-from tests.samples.cloud_files import SAMPLES, put, range_image, sonar_packets, strength_image
-from tests.samples.recordings import read_sonar, with_checksum
+from tests.samples.cloud_files import SAMPLES, put, sonar_packets
+from tests.samples.recordings import range_image, read_sonar, strength_image, with_checksum
 from tests.samples.refusals import refuses
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -11,8 +11,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.sonar.imu import turn_rates
-from tests.samples.cloud_files import range_image
-from tests.samples.recordings import START, imu_batch, imu_packets, read_sonar
+from tests.samples.recordings import START, imu_batch, imu_packets, range_image, read_sonar
 
 pytestmark = pytest.mark.filterwarnings("error")
 GRAVITY = 9.82

@@ -9,8 +9,17 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.recording import stream_sonar
-from tests.samples.cloud_files import range_image, sonar_packets, strength_image
-from tests.samples.recordings import PacketOf, disturbed, read_sonar, recording, shot_packets, written
+from tests.samples.cloud_files import sonar_packets
+from tests.samples.recordings import (
+    PacketOf,
+    disturbed,
+    range_image,
+    read_sonar,
+    recording,
+    shot_packets,
+    strength_image,
+    written,
+)
 from tests.samples.refusals import refuses
 
 pytestmark = pytest.mark.filterwarnings("error")

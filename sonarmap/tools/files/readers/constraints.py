@@ -1,32 +1,129 @@
-"""A file of control points: places in scans whose coordinates in the world are known."""
+"""Files that a person fills in: ties, which say what is right of pairs of scans, and control points, places in scans
+whose coordinates in the world are known."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.control import ControlPoint, Use
+from sonarmap.slam.graph.tangent import propagated
+from sonarmap.slam.tie import VERDICTS, Tie, Verdict
+from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.csv_table import CsvRow, CsvTable, read_csv_table
+from sonarmap.tools.files.geo.projection import on_the_earth
+from sonarmap.tools.files.readers.csv_table import (
+    CsvRow,
+    CsvTable,
+    degrees,
+    number,
+    number_within,
+    read_csv_table,
+    refuse,
+)
 from sonarmap.tools.files.readers.navigation.log import named_scan
-from sonarmap.tools.files.readers.navigation.rows import degrees, number, number_within, refuse
+from sonarmap.tools.files.readers.navigation.settings import rounded_origin
 from sonarmap.tools.files.user_file import naming
 
+NAMES = ("target", "source", "verdict")
+POSE = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")
+SIGMAS = ("sigma_m", "sigma_deg")
+NOTE = "note"
+TRANSFORM = (*POSE, *SIGMAS)
+COLUMNS = (*NAMES, *TRANSFORM, NOTE)
+_VERDICTS: dict[str, Verdict] = {verdict: verdict for verdict in VERDICTS}
+# Nobody measures better, and the equations want no better; nor is a pair of scans farther apart [m, deg].
+_LEAST = {"sigma_m": 1e-4, "sigma_deg": 1e-3}
+_LARGEST = {"sigma_m": 1e4, "sigma_deg": 180.0} | dict.fromkeys(POSE[:3], 1e5) | dict.fromkeys(POSE[3:], 360.0)
 POINT = ("x_m", "y_m", "z_m")
 # East and North, one pair of these
 LOCAL, EARTH, GRID = ("east_m", "north_m"), ("lat_deg", "lon_deg"), ("easting_m", "northing_m")
 UP = ("up_m", "height_m", "depth_m")
-SIGMAS = ("sigma_m", "sigma_h_m", "sigma_v_m")
+SPREADS = ("sigma_m", "sigma_h_m", "sigma_v_m")
 USES: dict[str, Use] = {"control": "control", "check": "check"}
-COLUMNS = ("name", "scan", *POINT, *LOCAL, *EARTH, *GRID, *UP, *SIGMAS, "use")
+CONTROL_COLUMNS = ("name", "scan", *POINT, *LOCAL, *EARTH, *GRID, *UP, *SPREADS, "use")
 DEFAULT_SIGMA = 0.05  # [m]
 _SIGMA_BOUNDS = 1e-4, 1e4
 _FARTHEST = 20_000.0  # [m] beyond which eastings and northings are a grid's
-_LARGEST = {"lat_deg": 90.0, "lon_deg": 180.0} | dict.fromkeys(GRID, 1e8)
+_COORDINATES = {"lat_deg": 90.0, "lon_deg": 180.0} | dict.fromkeys(GRID, 1e8)
 _MOST = 1000  # points; a survey has tens, and every estimate of the map weighs each of them
+
+
+def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
+    """The ties of a CSV file with the columns target, source and verdict; for pairs with a transform POSE and SIGMAS.
+
+    A transform is T_target_source (angles as docs/conventions.md has them), its standard deviation the same along and
+    about all axes. Lines that begin with # are comments. Ties are in the file's order, the scans of each in theirs: a
+    transform of a later scan to an earlier is turned around.
+
+    Raises InputError: naming the file and the line: a column or cell that cannot be used, or two verdicts on a pair.
+    """
+    table = read_csv_table(path)
+    columns = _columns(table)
+    ties: list[Tie] = []
+    lines: dict[tuple[int, int], int] = {}
+    for row, (where, cells) in zip(table.rows, table.rows_by_name(columns), strict=True):
+        tie = _tie(cells, scans, where)
+        if tie.scans in lines:
+            raise InputError(
+                f"{path}: lines {lines[tie.scans]} and {row.line} both have a verdict on {scans[tie.i].name} and "
+                f"{scans[tie.j].name}; delete one"
+            )
+        lines[tie.scans] = row.line
+        ties.append(tie)
+    return tuple(ties)
+
+
+def _columns(table: CsvTable) -> dict[str, int]:
+    words = f"{', '.join(NAMES)}, and if need be {', '.join(COLUMNS[3:])}"
+    columns = table.declared_columns(COLUMNS, NAMES, words, f"wanted {', '.join(NAMES)}; ")
+    transform = [name for name in TRANSFORM if name in columns]
+    missing = [name for name in TRANSFORM if name not in columns]
+    if transform and missing:
+        raise InputError(
+            f"{table.where()}: a transform wants a column {missing[0]} too; add it, or delete {transform[0]}"
+        )
+    return columns
+
+
+def _tie(cells: Mapping[str, str], scans: Sequence[Scan], where: str) -> Tie:
+    target, source = (named_scan(scans, cells[name], f"{where}: {name}") for name in NAMES[:2])
+    if target == source:
+        raise InputError(f"{where}: it ties {scans[target].name} to itself; wanted two scans; fix that line")
+    verdict = _VERDICTS.get(cells["verdict"].lower())
+    if verdict is None:
+        raise refuse(where, "verdict", cells["verdict"], f"one of {', '.join(VERDICTS)}")
+    given = _transform(cells, where)
+    if given is None:
+        return Tie(min(target, source), max(target, source), verdict, note=cells.get(NOTE, ""))
+    if verdict != "add":
+        raise InputError(
+            f"{where}: the verdict is {verdict}, and there is a transform; only add takes one. Empty its cells, or "
+            "write add; fix that line"
+        )
+    # T_true = T Exp(xi) has the inverse T^-1 Exp(-Ad(T) xi)
+    T_i_j, covariance = (given[0].inv(), propagated(*given)) if target > source else given
+    measured = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "measured by hand")
+    return Tie(min(target, source), max(target, source), verdict, measured, cells.get(NOTE, ""))
+
+
+def _transform(cells: Mapping[str, str], where: str) -> tuple[RigidTransform, np.ndarray] | None:
+    """T_target_source and its (6, 6) covariance, rotation first [rad, m]; None where all cells are empty."""
+    if not any(cells.get(name) for name in TRANSFORM):
+        return None
+    values: dict[str, float] = {}
+    for name in TRANSFORM:
+        bounds = _LEAST.get(name, -_LARGEST[name]), _LARGEST[name]
+        wanted = f"a number from {bounds[0]:g} to {bounds[1]:g}, as the pair has a transform"
+        values[name] = number_within(where, name, cells[name], bounds, wanted)
+    R = Rotation.from_euler("ZYX", [values[name] for name in reversed(POSE[3:])], degrees=True)
+    T = RigidTransform.from_components([values[name] for name in POSE[:3]], R)
+    sigmas = np.repeat([np.radians(values["sigma_deg"]), values["sigma_m"]], 3)
+    return T, np.diag(sigmas**2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +137,7 @@ def read_control(
     path: Path, scans: Sequence[Scan], georeference: Georeference | None = None, crs: str | None = None
 ) -> Control:
     """The control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL, EARTH
-    or GRID, and one of UP; if need be SIGMAS [m] and `use`, control or check. The georeference is that of the map so
+    or GRID, and one of UP; if need be SPREADS [m] and `use`, control or check. The georeference is that of the map so
     far; where it is None the first latitude and longitude are it, rounded. `crs` is of eastings and northings. Raises
     InputError: naming the file and the line: a column or cell that cannot be used, or two rows that contradict each
     other; or that the map's x axis is not to be East."""
@@ -49,21 +146,17 @@ def read_control(
             "--origin-heading has no effect where control points place the map, whose x is East; leave it out"
         )
     table = read_csv_table(path)
-    columns, across, up = _columns(table)
+    columns, across, up = _control_columns(table)
     if (across == GRID) != (crs is not None):
         wrong = "--control-crs has no effect without the columns easting_m and northing_m; leave it out"
         if crs is None:
             wrong = "easting_m and northing_m want to know of which grid: give --control-crs, as EPSG:25832"
         raise InputError(f"{table.where()}: {wrong}")
-    table.require_even()
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted a control point in each")
     if len(table.rows) > _MOST:
         raise InputError(f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}; leave some out")
-    points = [
-        _point({name: row.cells[k] for name, k in columns.items()}, scans, (*across, up), table.where(row))
-        for row in table.rows
-    ]
+    points = [_point(cells, scans, (*across, up), where) for where, cells in table.rows_by_name(columns)]
     notes = list(table.notes)
     with naming(path):
         places, georeference = _local(np.array([point.known for point in points]), across, up, georeference, crs, notes)
@@ -72,9 +165,9 @@ def read_control(
     return Control(tuple(placed), georeference, tuple(notes))
 
 
-def _columns(table: CsvTable) -> tuple[dict[str, int], tuple[str, str], str]:
+def _control_columns(table: CsvTable) -> tuple[dict[str, int], tuple[str, str], str]:
     """The place of each column, which pair says East and North, and which column says Up."""
-    columns = table.declared_columns(COLUMNS, ("name", "scan", *POINT), f"of {', '.join(COLUMNS)}")
+    columns = table.declared_columns(CONTROL_COLUMNS, ("name", "scan", *POINT), f"of {', '.join(CONTROL_COLUMNS)}")
     pairs = [pair for pair in (LOCAL, EARTH, GRID) if set(pair).intersection(columns)]
     if len(pairs) != 1 or not set(pairs[0]).issubset(columns):
         raise InputError(
@@ -101,7 +194,7 @@ def _point(cells: Mapping[str, str], scans: Sequence[Scan], place: Sequence[str]
 
 def _number(name: str, cell: str, where: str) -> float:
     value = degrees(cell, name) if name in EARTH else number(cell)
-    largest = _LARGEST.get(name, _FARTHEST)
+    largest = _COORDINATES.get(name, _FARTHEST)
     if abs(value) <= largest:
         return value
     wanted = f"degrees within {largest:g}" if name in EARTH else f"meters within {largest:g}"
@@ -113,28 +206,23 @@ def _number(name: str, cell: str, where: str) -> float:
 def _sigmas(cells: Mapping[str, str], where: str) -> np.ndarray:
     """(3,) along East, North and Up [m]."""
     wanted = f"a standard deviation from {_SIGMA_BOUNDS[0]:g} to {_SIGMA_BOUNDS[1]:g} m"
-    given = {name: number_within(where, name, cells[name], _SIGMA_BOUNDS, wanted) for name in SIGMAS if cells.get(name)}
-    both = f"{SIGMAS[1]} {{}} {SIGMAS[2]}"
+    given = {
+        name: number_within(where, name, cells[name], _SIGMA_BOUNDS, wanted) for name in SPREADS if cells.get(name)
+    }
+    both = f"{SPREADS[1]} {{}} {SPREADS[2]}"
     if "sigma_m" in given and len(given) > 1:
         raise InputError(f"{where}: there are sigma_m and {both.format('or')}; wanted one way; fix that line")
     if len(given) == 1 and "sigma_m" not in given:
         raise InputError(f"{where}: {both.format('and')} can only be used together, and one is empty; fix that line")
-    level, upright = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SIGMAS[1:])
+    level, upright = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SPREADS[1:])
     return np.array([level, level, upright])
 
 
 def _local(
-    values: np.ndarray,
-    across: tuple[str, str],
-    up: str,
-    georeference: Georeference | None,
-    crs: str | None,
+    values: np.ndarray, across: tuple[str, str], up: str, georeference: Georeference | None, crs: str | None,
     notes: list[str],
-) -> tuple[np.ndarray, Georeference | None]:
+) -> tuple[np.ndarray, Georeference | None]:  # fmt: skip
     """(n, 3) East, North and Up of the map's origin, and where that is."""
-    from sonarmap.tools.files.geo.projection import on_the_earth
-    from sonarmap.tools.files.readers.navigation.settings import rounded_origin
-
     height = 0.0 if georeference is None else georeference.height
     # heights count from the vertical reference, the others from the map's origin
     ups = {"up_m": values[:, 2], "depth_m": -values[:, 2], "height_m": values[:, 2] - height}[up]
