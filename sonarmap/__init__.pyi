@@ -46,7 +46,7 @@ from .tools.api import optimize as optimize
 from .tools.api import prepare as prepare
 from .tools.api import read_scans as read_scans
 from .tools.api import register as register
-from .tools.files.geo.georeference import Georeference as Georeference
+from .tools.files.geo import Georeference as Georeference
 from .tools.files.map_folder.folder import Map as Map
 from .tools.files.map_folder.folder import MapPart as MapPart
 from .tools.files.readers.navigation.priors import Navigated as Navigated

@@ -6,7 +6,7 @@ from .api import optimize as optimize
 from .api import prepare as prepare
 from .api import read_scans as read_scans
 from .api import register as register
-from .files.geo.georeference import Georeference as Georeference
+from .files.geo import Georeference as Georeference
 from .files.map_folder.folder import Map as Map
 from .files.map_folder.folder import MapPart as MapPart
 from .files.readers.navigation.priors import Navigated as Navigated

@@ -342,8 +342,8 @@ def optimize(
 
     from sonarmap.slam.graph.pose_graph import PoseGraph
     from sonarmap.slam.optimize.solve import optimize as optimize_graph
-    from sonarmap.tools.files.readers.poses.g2o import read_g2o, require_connected
-    from sonarmap.tools.files.readers.poses.trajectory import read_graph_json
+    from sonarmap.tools.files.readers.g2o import read_g2o, require_connected
+    from sonarmap.tools.files.readers.trajectory import read_graph_json
 
     if not isinstance(graph, PoseGraph):
         require(graph=graph)
@@ -379,7 +379,7 @@ def read_scans(
         InputError: naming the file and, where it applies, its line or packet; or an argument that cannot be used, or
             not with a file's format.
     """
-    from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
+    from sonarmap.tools.files.readers.scans import Corrections, PointFrame
     from sonarmap.tools.files.readers.scans import read_scans as read
 
     names = as_paths("paths", paths)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.given import (

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.tools.files.readers.clouds.ply import read_ply
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
+from sonarmap.tools.files.readers.trajectory import read_tum
 from tests.samples.bags.messages import CLOUD, ODOMETRY, cloud, odometry
 from tests.samples.bags.writers import write_ros1
 from tests.samples.command_line import sonarmap

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from tests.tools.files.readers.pings.samples import START, Sample, write_gsf
 
 HERE = Georeference(58.1234, -11.6543)

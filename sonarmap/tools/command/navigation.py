@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.pair import RegisteredPair
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.scan import Scan
-    from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.geo import Georeference
     from sonarmap.tools.files.readers.navigation.contradictions import Contradiction
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.navigation.settings import NavFrame, NavigationSettings

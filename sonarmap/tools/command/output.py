@@ -16,8 +16,7 @@ from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import FORMATS, known_formats
 
 if TYPE_CHECKING:
-    from sonarmap.tools.files.geo.georeference import Georeference
-    from sonarmap.tools.files.geo.projection import Projection
+    from sonarmap.tools.files.geo import Georeference, Projection
     from sonarmap.tools.files.map_folder.folder import Map
     from sonarmap.tools.products.export.run import Exported, ExportSettings
 
@@ -98,7 +97,7 @@ class EarthPlace:
         "Vertical reference of heights: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008.",
         rare=True,
         shown="surface",
-        autocompletion=completes(listed_in("sonarmap.tools.files.geo.georeference", "VERTICALS")),
+        autocompletion=completes(listed_in("sonarmap.tools.files.geo", "VERTICALS")),
     )
     crs: str | None = EARTH.option(
         "CRS",
@@ -110,7 +109,7 @@ class EarthPlace:
     def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
         """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it. None
         without an origin."""
-        from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, EAST, Georeference
+        from sonarmap.tools.files.geo import DEFAULT_VERTICAL, EAST, Georeference
 
         if self.origin is None and known is None:
             refuse_without("--origin", {"--origin-heading": self.origin_heading, "--vertical": self.vertical})
@@ -123,7 +122,7 @@ class EarthPlace:
 
     def projection(self, known: "Georeference | None") -> "Projection | None":
         """The coordinates that --crs names, at this place. None where no place is known."""
-        from sonarmap.tools.files.geo.projection import Projection
+        from sonarmap.tools.files.geo import Projection
 
         if known is not None:
             return Projection.of(known, self.crs)
@@ -136,7 +135,7 @@ class EarthPlace:
 
 def _place_of(origin: str) -> tuple[float, float, float]:
     """Latitude, longitude [deg] and height [m] of --origin, 0 where it is left out."""
-    from sonarmap.tools.files.geo.projection import on_the_earth
+    from sonarmap.tools.files.geo import on_the_earth
     from sonarmap.tools.files.readers.csv_table import number, place_of
 
     crs, _, rest = origin.rpartition(":")

@@ -15,15 +15,22 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
 from sonarmap.tools.command.terminal import print_rows, printable
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.checks import Clock, clock_of, utc
-from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.file import FORMATS, format_of
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.navigation.overview import LogOverview
 from sonarmap.tools.files.readers.pings.line_file import LineOverview, line_overview
-from sonarmap.tools.files.readers.scans import Progress, ScanEntry, files_of, read_entries, stamps_of
+from sonarmap.tools.files.readers.scans import (
+    AS_RECORDED,
+    Corrections,
+    Progress,
+    ScanEntry,
+    files_of,
+    read_entries,
+    stamps_of,
+)
 from sonarmap.tools.files.readers.selection import select_files
+from sonarmap.tools.files.time_scales import Clock, clock_of, utc
 
 _MOST_NOTES = 20  # of single scans
 _MOST_LINES = 6  # of pings, on a screen

@@ -44,13 +44,12 @@ if TYPE_CHECKING:
     from sonarmap.slam.tie import Tie
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.command.mapped import Mapped
-    from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.geo import Georeference
     from sonarmap.tools.files.readers.clouds.cloud import PingPatch
-    from sonarmap.tools.files.readers.corrections import Corrections
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
     from sonarmap.tools.files.readers.pings.line_file import LineReading
-    from sonarmap.tools.files.readers.scans import ReadScans
+    from sonarmap.tools.files.readers.scans import Corrections, ReadScans
     from sonarmap.tools.products.output.lines import MovedLine
 
 _limit = partial(
@@ -145,7 +144,7 @@ InputsArgument = Annotated[
         metavar="INPUT...",
     ),
 ]
-_CORRECTIONS = "sonarmap.tools.files.readers.corrections"
+_CORRECTIONS = "sonarmap.tools.files.readers.scans"
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,8 +184,8 @@ class PointReading:
 
     def corrections(self) -> "Corrections":
         """What is done to the points of files when they are read."""
-        from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
         from sonarmap.tools.files.readers.pings.line_file import LineReading
+        from sonarmap.tools.files.readers.scans import Corrections, PointFrame
 
         scale = 1.0 if self.range_scale is None else self.range_scale
         frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)

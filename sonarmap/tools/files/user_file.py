@@ -21,7 +21,7 @@ from sonarmap.tools.files.memory import require_memory
 _GIVEN = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/", os.devnull)
 _LARGEST_PIPE = 1 << 28  # bytes
 _HEAD = 4096  # bytes by which a kind is recognized
-_LARGEST = 1e30  # of a number: as large as an information, see `tools.files.readers.poses.pose_rows`
+_LARGEST = 1e30  # of a number: as large as an information, see `tools.files.readers.pose_rows`
 _LARGEST_INTEGER = 2**63 - 1
 PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
 
@@ -80,7 +80,7 @@ def unreadable() -> Iterator[None]:
 
 def read_content(path: Path, pipe: bool = False) -> bytes:
     """The bytes of a file. `pipe`: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell,
-    <(...). Raises InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device."""
+    <(...)."""
     require_file(path, pipe)
     most = None if path.is_file() else _LARGEST_PIPE
     with reading(path), path.open("rb") as file:
@@ -107,8 +107,7 @@ def require_file(path: Path, pipe: bool = False) -> None:
 
 
 def read_json(path: Path, expected: str) -> Any:
-    """What the file, which should be what is `expected`, holds. Raises InputError: it cannot be read, is no JSON in
-    UTF-8, is nested too deeply, or holds NaN, Infinity or a number beyond 1e30 (a whole one: 2^63)."""
+    """What the file, which should be what is `expected`, holds."""
     try:
         text = read_content(Path(path), pipe=True).decode("utf-8")
         return json.loads(text, parse_float=_number, parse_int=_integer, parse_constant=_no_number)

@@ -20,8 +20,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import upward
-from sonarmap.tools.files.geo.georeference import VERTICALS, Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import VERTICALS, Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.writers.atomic import all_or_none
 from sonarmap.tools.files.writers.tables import write_table

@@ -18,7 +18,7 @@ from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.slam.execute.pair_text import from_text, to_text
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.overview import overview_of
-from sonarmap.tools.files.readers.clouds import apart
+from sonarmap.tools.files.readers.clouds import las as module
 from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.scans import read_scans
@@ -201,7 +201,7 @@ def _peak(process: Path) -> int:
 
 
 def _processes() -> list[Path]:
-    kept = [] if apart._kept is None else [str(apart._kept[1].pid)]
+    kept = [] if module._kept is None else [str(module._kept[1].pid)]
     return [Path("/proc") / process for process in ("self", *kept)]
 
 

@@ -12,10 +12,10 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.names import read_pairs
 from sonarmap.tools.files.readers.constraints import read_control, read_ties
+from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.readers.poses.trajectory import FORMAT, read_graph_json, read_gt_log, read_kitti, read_tum
+from sonarmap.tools.files.readers.trajectory import FORMAT, read_graph_json, read_gt_log, read_kitti, read_tum
 from sonarmap.tools.lab.evaluate.survey import SurveySummary, read_summary
 from sonarmap.tools.lab.simulate.folder import read_settings
 

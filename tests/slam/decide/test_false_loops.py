@@ -18,7 +18,7 @@ from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.pair import RegisteredPair
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.lab.simulate.trajectories import lawnmower
 from tests.samples.places import DATA
 from tests.samples.surveys import (

@@ -14,7 +14,7 @@ from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.readers.g2o import read_g2o
 from tests.samples.places import DATA
 from tests.samples.surveys import (
     chain_edges,

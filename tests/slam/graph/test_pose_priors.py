@@ -17,7 +17,7 @@ from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.optimize.solve import optimize
 from sonarmap.spectral.geometry import twist
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.writers.poses import write_g2o
 from tests.samples.surveys import chain_edges, chained_graph, drawn, random_covariance, ring_poses
 

@@ -9,11 +9,11 @@ import pytest
 
 from sonarmap.tools.command.main import read_settings
 from sonarmap.tools.files.readers.csv_table import read_csv_table
+from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.selection import BAG_METADATA, is_bag_folder
+from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.files.user_file import read_content, read_json, sha256_of
 from tests.samples.clutter_scans import sonarmap
 from tests.samples.refusals import refuses

@@ -28,8 +28,8 @@ from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
 from sonarmap.tools.command.live.navigation import Navigation
 from sonarmap.tools.command.method import MethodOptions, configure_method
 from sonarmap.tools.files.map_folder.names import JOURNAL
-from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, replayed
+from sonarmap.tools.files.readers.scans import Corrections
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.messages import State, coverage

@@ -18,7 +18,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.live.recording import Again
 from sonarmap.tools.command.navigation import NavigationReading, OdometryFile, PriorsFile
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings

@@ -25,8 +25,7 @@ from sonarmap.tools.extras import require
 
 if TYPE_CHECKING:
     from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.files.geo.georeference import Georeference
-    from sonarmap.tools.files.geo.projection import Projection
+    from sonarmap.tools.files.geo import Georeference, Projection
     from sonarmap.tools.files.map_folder.folder import Map
     from sonarmap.tools.products.compare.cloud import PointCloud
     from sonarmap.tools.products.compare.comparison import CompareSettings, Comparison

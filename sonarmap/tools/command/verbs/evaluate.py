@@ -78,7 +78,7 @@ def command(
     positions that are not on a line; first, the first pose onto its truth. The map is moved by the same transform.
     Pairs need no alignment, and uncertainties are always compared relative to the first pose.
     """
-    from sonarmap.tools.files.readers.poses.trajectory import read_pair
+    from sonarmap.tools.files.readers.trajectory import read_pair
     from sonarmap.tools.lab.evaluate.survey import calibrate_survey, read_summary, score_survey
     from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, evaluate
 

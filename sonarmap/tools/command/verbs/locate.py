@@ -27,7 +27,7 @@ from sonarmap.tools.command.terminal import (
 
 if TYPE_CHECKING:
     from sonarmap.slam.locate.place import Located, Place
-    from sonarmap.tools.files.geo.projection import Projection
+    from sonarmap.tools.files.geo import Projection
     from sonarmap.tools.files.map_folder.folder import Map
 
 NOWHERE = 3

@@ -57,11 +57,10 @@ if TYPE_CHECKING:
     from sonarmap.slam.motion.turn_rates import TurnRates
     from sonarmap.slam.pair import RegisteredPair
     from sonarmap.slam.tie import Tie
-    from sonarmap.tools.files.geo.georeference import Georeference
-    from sonarmap.tools.files.readers.corrections import Corrections
+    from sonarmap.tools.files.geo import Georeference
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
     from sonarmap.tools.files.readers.pings.line_file import LineReading
-    from sonarmap.tools.files.readers.scans import ReadScans
+    from sonarmap.tools.files.readers.scans import Corrections, ReadScans
     from sonarmap.tools.products.export.run import ExportSettings
 
 INCOMPLETE = 3

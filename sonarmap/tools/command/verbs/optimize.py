@@ -56,7 +56,7 @@ def command(
     import numpy as np
 
     from sonarmap.slam.optimize.solve import distance_to_other, optimize, without_effect
-    from sonarmap.tools.files.readers.poses.g2o import Repair, read_g2o, require_connected
+    from sonarmap.tools.files.readers.g2o import Repair, read_g2o, require_connected
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.poses import rewrite_g2o
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from sonarmap.spectral.result import Registration
     from sonarmap.spectral.scan import Scan
-    from sonarmap.tools.files.readers.corrections import Corrections
+    from sonarmap.tools.files.readers.scans import Corrections
 
 UNRELIABLE = 3
 

@@ -20,16 +20,15 @@ from sonarmap.slam.map.surface import on_surface
 from sonarmap.slam.motion.straighten import straightened
 from sonarmap.slam.pings.biases import Biases
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, as_written, require_own
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
-from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
 from sonarmap.tools.files.readers.csv_table import SUMMARY
 from sonarmap.tools.files.readers.instruments import LARGEST
 from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
 from sonarmap.tools.files.readers.pings.line_file import LineReading
-from sonarmap.tools.files.readers.poses.trajectory import trajectory_of
-from sonarmap.tools.files.readers.scans import ReadScans, read_survey
+from sonarmap.tools.files.readers.scans import Corrections, PointFrame, ReadScans, read_survey
+from sonarmap.tools.files.readers.trajectory import trajectory_of
 from sonarmap.tools.files.user_file import input_rows, naming, read_content, read_json
 
 COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has

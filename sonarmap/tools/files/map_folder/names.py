@@ -100,7 +100,7 @@ def checksums(written: Sequence[tuple[Path, Path]]) -> dict[str, dict[str, Any]]
 
 def require_own(folder: Path, summary: Mapping[str, Any], read: Iterable[str]) -> None:
     """Refuse files of another run than summary.json's, by their sizes and, of those that are `read`, by their SHA-256.
-    Maps of earlier versions have no checksums. Raises InputError: naming the file."""
+    Maps of earlier versions have no checksums."""
     known, wanted = summary.get("checksums", {}), set(read)
     for name, row in known.items():
         path = folder / name
@@ -125,8 +125,8 @@ class TriedPair:
 
 
 def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
-    """The pairs of pairs.csv; columns that an evaluation does not need are ignored. `scans`: how many the survey has.
-    Raises InputError: a column is missing, or a cell cannot be used, naming the line."""
+    """The pairs of pairs.csv; columns that an evaluation does not need are ignored. `scans`: how many the survey
+    has."""
     table = read_csv_table(path)
     return tuple(_pair(cells, scans, where) for where, cells in table.rows_by_name(_columns(table)))
 

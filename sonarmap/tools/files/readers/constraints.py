@@ -14,8 +14,7 @@ from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.tie import VERDICTS, Tie, Verdict
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import on_the_earth
+from sonarmap.tools.files.geo import Georeference, on_the_earth
 from sonarmap.tools.files.readers.csv_table import (
     CsvRow,
     CsvTable,
@@ -59,8 +58,6 @@ def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
     A transform is T_target_source (angles as docs/conventions.md has them), its standard deviation the same along and
     about all axes. Lines that begin with # are comments. Ties are in the file's order, the scans of each in theirs: a
     transform of a later scan to an earlier is turned around.
-
-    Raises InputError: naming the file and the line: a column or cell that cannot be used, or two verdicts on a pair.
     """
     table = read_csv_table(path)
     columns = _columns(table)

@@ -63,8 +63,7 @@ class CsvTable:
                 )
 
     def rows_by_name(self, columns: Mapping[str, int]) -> Iterator[tuple[str, dict[str, str]]]:
-        """Of each row where it is, for messages, and the cells of these columns by their names. Raises InputError: a
-        row with more or fewer cells than the heading."""
+        """Of each row where it is, for messages, and the cells of these columns by their names."""
         self.require_even()
         return ((self.where(row), {name: row.cells[k] for name, k in columns.items()}) for row in self.rows)
 
@@ -72,8 +71,7 @@ class CsvTable:
         self, known: Sequence[str], required: Sequence[str], words: str, missing: str = ""
     ) -> dict[str, int]:
         """The place of each column of a table that a person fills in, by its name in small letters. `words` say what is
-        wanted where a column has another name, `missing` where one of `required` is not there. Raises InputError: a
-        column that is not known, there twice, or missing."""
+        wanted where a column has another name, `missing` where one of `required` is not there."""
         names = [cell.lower() for cell in self.heading.cells]
         for k, name in enumerate(names):
             if name not in known:
@@ -91,8 +89,7 @@ class CsvTable:
 
 def read_csv_table(path: Path) -> CsvTable:
     """The table of a file without its blank rows and lines that begin with #. The separator is what the heading has
-    most of: a comma, a semicolon or a tab; with the latter two a decimal comma is made a point. Raises InputError: the
-    file cannot be read, holds no line, or is neither UTF-8 nor UTF-16."""
+    most of: a comma, a semicolon or a tab; with the latter two a decimal comma is made a point."""
     lines, whole = _lines(path)
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted a heading and rows")
@@ -210,7 +207,7 @@ def refuse(where: str, heading: str, cell: str, wanted: str) -> InputError:
 
 
 def number_within(where: str, name: str, cell: str, bounds: tuple[float, float], wanted: str) -> float:
-    """The number of a cell. Raises InputError: it is none, or not within the bounds."""
+    """The number of a cell."""
     value = number(cell)
     if not bounds[0] <= value <= bounds[1]:
         raise refuse(where, name, cell, wanted)

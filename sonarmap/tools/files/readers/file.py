@@ -19,8 +19,8 @@ from sonarmap.tools.files.readers.clouds.ply import read_ply
 from sonarmap.tools.files.readers.clouds.rows import read_text, require_believable
 from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading, line_clouds
 from sonarmap.tools.files.readers.pings.line_file import FORMATS as LINES
-from sonarmap.tools.files.readers.poses.trajectory import places_at, read_tum
 from sonarmap.tools.files.readers.selection import SelectedFile
+from sonarmap.tools.files.readers.trajectory import places_at, read_tum
 from sonarmap.tools.files.user_file import Kind, naming, require_kind, unreadable
 
 TRAJECTORY = ".tum"  # the suffix of one beside a file of points
@@ -164,8 +164,7 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
 def _with_viewpoints(cloud: Cloud, path: Path) -> Cloud:
     """The cloud with a viewpoint per point, interpolated between the positions of the trajectory at `path`: a TUM file
     whose poses are T_scan_sensor, by the clock of the cloud's times [s]. One that has viewpoints keeps them, and one
-    without times stays as it is; a note says so. Raises InputError: the trajectory cannot be used, its stamps do not
-    ascend, or points were seen outside of its time."""
+    without times stays as it is; a note says so."""
     if cloud.viewpoints is not None:
         return replace(cloud, notes=(*cloud.notes, f"{path.name} is not used: the points have viewpoints of their own"))
     if cloud.times is None:

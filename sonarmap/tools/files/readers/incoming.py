@@ -13,8 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.clouds import CLOUD_KINDS, stream_recording
 from sonarmap.tools.files.readers.bags.open import open_recording
 from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
-from sonarmap.tools.files.readers.corrections import Corrections
-from sonarmap.tools.files.readers.scans import FORMATS, read_survey
+from sonarmap.tools.files.readers.scans import FORMATS, Corrections, read_survey
 from sonarmap.tools.files.readers.selection import is_bag_folder, natural_key, select_files
 from sonarmap.tools.files.readers.sonar.recording import Recording
 

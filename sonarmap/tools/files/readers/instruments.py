@@ -51,8 +51,7 @@ def check_measured(column: str, number: float) -> None:
 
 def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
     """The prior of a row: (6,) values in the columns' order and units, NaN where not measured, and their standard
-    deviations. Raises InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the
-    other."""
+    deviations."""
     known = np.isfinite(values)
     measured = np.where(known, sigmas, np.inf).astype(np.float64) * _UNITS
     return PosePrior(poses_of(np.where(known, values, 0.0)[None])[0], measured)

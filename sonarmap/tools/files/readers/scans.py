@@ -1,17 +1,19 @@
 """Point cloud files to scans."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.checks import repeated_in_words, strange_sizes
-from sonarmap.tools.files.readers.clouds.cloud import PingPatch, scan_of_cloud
-from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
+from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch, scan_of_cloud
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
+from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading
 from sonarmap.tools.files.readers.selection import Selection, select_files
 
 Progress = Callable[[int, int, str], None]
@@ -19,6 +21,97 @@ Progress = Callable[[int, int, str], None]
 _ARRAYS = ("points", "strength", "viewpoints", "times")  # of a scan
 _TEXTS = (".txt", ".csv")  # of points, or of anything else
 _SHOWN = 100  # scans of a file after which progress is shown again
+SOUND_SPEEDS = (1000.0, 2000.0)  # [m/s]; in water 1400 to 1600
+# Axes of the points as a file has them -> rows of R_flu_file: forward, left and up in the file's axes.
+FRAMES = {
+    "flu": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),  # x forward, y left, z up
+    "frd": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # x forward, y right, z down
+    "rdf": ((0, 0, 1), (-1, 0, 0), (0, -1, 0)),  # x right, y down, z forward, as of cameras
+    "ned": ((0, 1, 0), (1, 0, 0), (0, 0, -1)),  # x North, y East, z down: scans that were leveled and turned North
+}
+# Name -> meters. The US survey foot is 1200/3937 m.
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
+_SAMPLE = 1000  # points of a scan that are looked at
+_LEAST_SCANS = 3  # of two nobody knows which is wrong
+_LEAST_POINTS = 100  # of fewer the spread says nothing
+# Views of one place differ in range by tens; a scan in centimeters beside others in meters by a hundred. One that is so
+# much smaller than the others fills three voxels of a grid of 128, and nothing is lost with it.
+_STRANGE = 40.0
+_UNITS = {"centimeters": (40, 300), "millimeters": (300, 3000)}  # times
+_LISTED = 5  # scans in a sentence
+_FIRST = 64  # points by which scans are compared first
+
+
+@dataclass(frozen=True, slots=True)
+class PointFrame:
+    """The axes and the unit of the points in files."""
+
+    axes: str = "flu"  # a name of FRAMES. The points of "ned" become East-North-Up, of the others forward-left-up.
+    unit: str = "m"  # a name of UNITS
+
+    def __post_init__(self) -> None:
+        for given, known in ((self.axes, FRAMES), (self.unit, UNITS)):
+            if given not in known:
+                raise InputError(f"{given!r} is not known; choose one of {', '.join(known)}")
+
+    def turned(self, cloud: Cloud) -> Cloud:
+        """The cloud with points and viewpoints in meters, x forward, y left, z up."""
+        if self == PointFrame():
+            return cloud
+        viewpoints = None if cloud.viewpoints is None else self._turned(cloud.viewpoints)
+        return replace(cloud, points=self._turned(cloud.points), viewpoints=viewpoints)
+
+    def _turned(self, points: np.ndarray) -> np.ndarray:
+        with np.errstate(invalid="ignore", over="ignore"):  # points that are not finite are dropped later
+            # axis by axis: a product would spread NaN over the others
+            return np.stack([self._axis(points, row) for row in FRAMES[self.axes]], axis=1)
+
+    def _axis(self, points: np.ndarray, row: tuple[int, int, int]) -> np.ndarray:
+        (axis,) = np.flatnonzero(row).tolist()
+        return points[:, axis].astype(np.float64) * (row[axis] * UNITS[self.unit])
+
+
+AS_WE_HAVE_THEM = PointFrame()
+
+
+@dataclass(frozen=True, slots=True)
+class Corrections:
+    """How to correct the points of scans."""
+
+    # the right one [m/s], by whose ratio to that with which they were computed ranges are multiplied; None: are right
+    sound_speed: float | None = None
+    scale: float = 1.0  # a factor on the ranges besides, of any format
+    frame: PointFrame = AS_WE_HAVE_THEM  # along which axes and in which unit files have their points
+    lines: LineReading = AS_LINES  # how lines of pings become scans
+
+    def __post_init__(self) -> None:
+        low, high = SOUND_SPEEDS
+        if self.sound_speed is not None and not low <= self.sound_speed <= high:
+            raise InputError(
+                f"`sound_speed={self.sound_speed:g}` is not a speed of sound in water; wanted {low:g} to {high:g} m/s, "
+                "as 1497 or so"
+            )
+        if not (0 < self.scale < math.inf):
+            raise InputError(f"`range_scale={self.scale:g}` is not a factor; wanted a number above 0, as 1.02")
+
+    def corrected(self, cloud: Cloud) -> Cloud:
+        """The cloud in our axes and meters, with right ranges from where its sensor was."""
+        cloud, factor = self.frame.turned(cloud), self.scale
+        if self.sound_speed is not None:
+            if cloud.sound_speed is None:
+                raise InputError(
+                    "it does not say with which speed of sound its ranges were computed; give `range_scale` instead, "
+                    "the right speed over the recorded one"
+                )
+            factor *= self.sound_speed / cloud.sound_speed
+        if factor == 1.0:
+            return cloud
+        if cloud.viewpoints is None:
+            return replace(cloud, points=factor * cloud.points)
+        return replace(cloud, points=cloud.viewpoints + factor * (cloud.points - cloud.viewpoints))
+
+
+AS_RECORDED = Corrections()
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +212,7 @@ def read_entries(
     selection: Selection, notes: list[str], progress: Progress | None = None, corrections: Corrections = AS_RECORDED
 ) -> Iterator[ScanEntry]:
     """Every scan of the files one by one, and the places of those that could not be read. What the user should know of
-    files as a whole is added to the notes; the others are as of `read_survey`. Raises InputError: a speed of sound for
-    files that say none."""
+    files as a whole is added to the notes; the others are as of `read_survey`."""
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     notes.extend(selection.passed_over)
@@ -231,3 +323,62 @@ def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[
         return [stamp or 0.0 for stamp in own], []
     note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
     return [float(position) for position in range(len(own))], [note] if without < len(stamps) else []
+
+
+def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
+    """What is wrong with scans that are 40 times larger or smaller, or more, than the others, by their index. `scans`:
+    of one survey."""
+    many = ((k, scan) for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS)
+    sizes = {k: size for k, scan in many if (size := _size(scan)) > 0}
+    if len(sizes) < _LEAST_SCANS:
+        return {}
+    usual = float(np.median(list(sizes.values())))
+    strange = {k: size for k, size in sizes.items() if not 1 / _STRANGE < size / usual < _STRANGE}
+    return {k: _in_words(size, usual, size / usual) for k, size in strange.items()}
+
+
+def _size(scan: Scan) -> float:
+    """The median distance of the points from their middle [m], which a scan of a map has, too."""
+    points = scan.points[:: -(-len(scan.points) // _SAMPLE)].astype(np.float64)
+    return float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+
+
+def _in_words(size: float, usual: float, times: float) -> str:
+    factor = f"{times:.3g} times larger" if times > 1 else f"{1 / times:.3g} times smaller"
+    ratio = max(times, 1 / times)
+    unit = next((unit for unit, (least, most) in _UNITS.items() if least <= ratio < most), "another unit")
+    hint = f"as if {'it was' if times > 1 else 'the others were'} in {unit}"
+    return (
+        f"its points are spread over {size:.3g} m, those of the other scans over {usual:.3g} m: {factor}, {hint}; "
+        "write all scans in one unit (--units says which)"
+    )
+
+
+def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
+    """Each scan whose points are exactly those of an earlier one, and the first that has them: (earlier, later)."""
+    firsts: dict[tuple[int, bytes], list[int]] = {}
+    pairs: list[tuple[int, int]] = []
+    for k, scan in enumerate(scans):
+        alike = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
+        earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), k)
+        if earlier == k:
+            alike.append(k)
+        else:
+            pairs.append((earlier, k))
+    return pairs
+
+
+def repeated_in_words(given_twice: Sequence[Path], scans: Sequence[Scan]) -> list[str]:
+    """What to tell the user of files that several of the given paths name, and are read once, and of scans that are
+    another's copy; none if all is well."""
+    words: list[str] = []
+    if given_twice:
+        words.append(f"given more than once, and used once: {_listed([str(path) for path in given_twice])}")
+    if copies := same_points(scans):
+        named = _listed([f"{scans[later].name} of {scans[earlier].name}" for earlier, later in copies])
+        words.append(f"the same points twice: {named}; leave the copies out, or the map believes them twice")
+    return words
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else "")

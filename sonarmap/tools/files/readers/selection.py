@@ -70,8 +70,7 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
     """The files that `paths` name, each once whatever its path, in natural order (scan2 before scan10): files
     (`recording.sonar#3` is its scan 3, from 0, `dive.bag::/sonar/points` the clouds of a topic), ROS 2 bags, and of
     folders and patterns such as `scans/*.ply` the files with one of the suffixes, but for priors.csv, pairs.csv and
-    those in `not_scans`. Raises InputError: a path that does not exist, a folder or pattern without such a file, no
-    path at all."""
+    those in `not_scans`."""
     if not paths:
         raise InputError("no scans given; name files, folders or patterns such as scans/*.ply")
     chosen: dict[tuple[Path, int | None, str | None], SelectedFile] = {}

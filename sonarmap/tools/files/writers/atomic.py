@@ -112,8 +112,7 @@ def writing(path: Path) -> Iterator[None]:
 def locked(folder: Path, writing: bool) -> Iterator[None]:
     """Keep other runs of sonarmap from a folder, whose files are to be of one run, while the block lasts; with
     `writing` those that read it too. The lock ends with the process at the latest. Nothing is locked where there is no
-    such folder, or no such locks, as on some network file systems. Who writes removes what killed runs left there.
-    Raises InputError: another run has the folder."""
+    such folder, or no such locks, as on some network file systems. Who writes removes what killed runs left there."""
     descriptor = _lock(folder, writing)
     try:
         if writing and descriptor is not None:

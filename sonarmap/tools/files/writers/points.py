@@ -34,8 +34,7 @@ def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.nda
 def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -> np.ndarray:
     """(N,) packed little-endian records: x, y, z, then every column {name: (N,)} of numbers in its order. Points (N, 3)
     [m] of float64 are kept, any others become float32. 64-bit integers, which PLY does not know, become 32-bit ones
-    where they all fit and float64 where they don't; booleans become 0 and 1. Raises InputError: another shape, a column
-    of another length or without numbers, a name no header can hold."""
+    where they all fit and float64 where they don't; booleans become 0 and 1."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points to write have shape {points.shape}; wanted (N, 3)")
     points = points.astype(np.float64 if points.dtype == np.float64 else np.float32, copy=False)

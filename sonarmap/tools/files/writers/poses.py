@@ -16,7 +16,7 @@ from sonarmap.slam.graph.edge import Edge, inverse_definite
 from sonarmap.slam.graph.known_pose import KnownPose
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
+from sonarmap.tools.files.readers.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
 
@@ -46,8 +46,7 @@ def pose_numbers(T: "RigidTransform") -> np.ndarray:
 def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:
     """Write poses, fixed poses, what is known of single ones (lines of EDGE_SE3_PRIOR), and edges; vertex k is pose k,
     without those `left_out`, which nothing places. Translations are kept to the last bit, quaternions to its rounding,
-    covariances to that of inverting them. Stamps have no place in the format. Raises InputError: the graph holds an
-    edge of kind "prior", or the file cannot be written."""
+    covariances to that of inverting them. Stamps have no place in the format."""
     prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
     if prior is not None:
         raise InputError(f"edge {prior.name} is a prior, and {EDGE} knows none; give it as a `KnownPose`")

@@ -32,14 +32,13 @@ def _quoted(value: object) -> str:
 
 
 def require_new(path: Path) -> None:
-    """Refuse to write over a file, as what was filled in would be lost. Raises InputError: it is there already."""
+    """Refuse to write over a file, as what was filled in would be lost."""
     if path.exists():
         raise InputError(f"{path} is there already; remove it, or give the template another name")
 
 
 def write_template(path: Path, names: Sequence[str], stamps: Sequence[float]) -> None:
-    """Write one row per scan with its name and stamp [s], and all columns of measurements empty, to be filled in.
-    Raises InputError: the file is there already, or it cannot be written."""
+    """Write one row per scan with its name and stamp [s], and all columns of measurements empty, to be filled in."""
     require_new(path)
     empty = [""] * (len(COLUMNS) + len(SIGMA_COLUMNS))
     rows = ([name, f"{stamp:.6f}", *empty] for name, stamp in zip(names, stamps, strict=True))

@@ -19,9 +19,9 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.file import FORMATS, TRAJECTORY
 from sonarmap.tools.files.readers.instruments import PRIORS
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.poses.trajectory import GT_LOG, TruePair, read_gt_log
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.readers.selection import natural_key
+from sonarmap.tools.files.readers.trajectory import GT_LOG, TruePair, read_gt_log
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, Value, all_seeds, as_asked
 from sonarmap.tools.lab.reproduce.registrations import (
     answer,

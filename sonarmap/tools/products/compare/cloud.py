@@ -13,8 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.locate.surveyed_map import SurveyedMap, View
 from sonarmap.slam.map.cell import cell_keys, lattice_origin
-from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import DEFAULT_VERTICAL, Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.readers.clouds.las import crs_of, read_las, read_map_las
 from sonarmap.tools.files.readers.file import FORMATS

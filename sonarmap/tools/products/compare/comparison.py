@@ -18,7 +18,7 @@ from sonarmap.slam.locate.place import BOUND as MAX_APART
 from sonarmap.slam.locate.surveyed_map import SurveyedMap
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
 from sonarmap.tools.products.compare.cloud import PointCloud
 from sonarmap.tools.products.compare.distances import Distances, Region, Verdict, distances_between, regions_of

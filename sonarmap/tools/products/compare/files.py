@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, locked, require_writable
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.tables import write_json, write_table

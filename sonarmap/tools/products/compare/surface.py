@@ -21,7 +21,7 @@ from sonarmap.slam.graph.pose_covariance import joint_covariance
 from sonarmap.slam.graph.tangent import adjoint, propagated
 from sonarmap.tools.files.map_folder.folder import Map, map_points
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH
-from sonarmap.tools.files.readers.poses.trajectory import read_graph_json
+from sonarmap.tools.files.readers.trajectory import read_graph_json
 
 _LEAST_NOISE = 1e-3  # [m]
 _PASSING = 2  # sight lines that say that a place is free: a single one may end at a stray echo

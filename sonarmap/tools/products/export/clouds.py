@@ -24,7 +24,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import BITS
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times, gps_of_utc
 from sonarmap.tools.files.writers.atomic import atomic_path

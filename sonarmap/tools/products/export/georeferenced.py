@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.files.geo.georeference import EAST, Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import EAST, Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.products.export.grid import Cells, cells_of, check_size, shown_heights

@@ -21,7 +21,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.surface import surface_reach
-from sonarmap.tools.files.geo.georeference import VERTICALS
+from sonarmap.tools.files.geo import VERTICALS
 from sonarmap.tools.files.time_scales import utc_text
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.formats import HEIGHTS

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import EAST, VERTICALS, Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart, mapped_scans
 from sonarmap.tools.files.map_folder.names import OF_ALL, earlier_files, side_car, write_summary
 from sonarmap.tools.files.time_scales import are_times, utc_text
@@ -292,7 +291,7 @@ def _place(coordinates: str, earth: Georeferenced | None) -> dict[str, Any]:
         return dict.fromkeys(("datum", "crs", "vertical_reference", "vertical_epsg", "origin"))
     from pyproj import CRS
 
-    from sonarmap.tools.files.geo.projection import WGS84
+    from sonarmap.tools.files.geo import WGS84
 
     here, crs = earth.georeference, earth.projection.crs_with_heights
     rows: dict[str, Any] = {"datum": "WGS84", "crs": None}

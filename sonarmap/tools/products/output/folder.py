@@ -23,7 +23,7 @@ from sonarmap.slam.pair import Pair, Role
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.names import (
     FULL_GRAPH,
     GRAPH,
@@ -38,8 +38,8 @@ from sonarmap.tools.files.map_folder.names import (
 )
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
-from sonarmap.tools.files.readers.poses.trajectory import FORMAT
 from sonarmap.tools.files.readers.scans import Unread
+from sonarmap.tools.files.readers.trajectory import FORMAT
 from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.atomic import all_or_none, discard
 from sonarmap.tools.files.writers.points import write_ply

@@ -13,8 +13,7 @@ from sonarmap.slam.pings.crossings import Crossings
 from sonarmap.slam.pings.line import PingLine
 from sonarmap.slam.pings.pieces import moved
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, write_summary
 from sonarmap.tools.files.readers.clouds.cloud import PingPatch
 from sonarmap.tools.files.readers.csv_table import SUMMARY

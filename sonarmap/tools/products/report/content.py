@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.tools.files.geo.georeference import VERTICALS
+from sonarmap.tools.files.geo import VERTICALS
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.readers.constraints import TRANSFORM
-from sonarmap.tools.files.readers.poses.trajectory import rigid_transform
+from sonarmap.tools.files.readers.trajectory import rigid_transform
 from sonarmap.tools.products.report.points import MOST_CODE, codes, doubtful_of, pack
 from sonarmap.tools.products.report.provenance import citation, inputs_of, map_command, setting_rows, title
 

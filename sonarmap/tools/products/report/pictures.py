@@ -14,7 +14,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
+from sonarmap.tools.files.geo import EAST, VERTICALS, Georeference
 from sonarmap.tools.files.readers.navigation.log import KINDS
 from sonarmap.tools.files.readers.navigation.overview import LogOverview
 from sonarmap.tools.files.writers.atomic import atomic_path

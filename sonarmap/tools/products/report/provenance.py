@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from sonarmap.kernels.counted import counted
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.time_scales import are_times, utc_text
 
 _NAMED = 3  # inputs in a title

@@ -23,9 +23,9 @@ from sonarmap.tools.command.live.kept_keys import keep_key, map_keys
 from sonarmap.tools.command.live.mapping import Backlog, MappingSettings, run_mapping
 from sonarmap.tools.command.method import MethodOptions
 from sonarmap.tools.files.map_folder.folder import Map, MapPart, read_map_folder
-from sonarmap.tools.files.readers.corrections import AS_RECORDED
 from sonarmap.tools.files.readers.incoming import Incoming, Mark
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
+from sonarmap.tools.files.readers.scans import AS_RECORDED
+from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.products.live.messages import State
 from tests.samples.clutter_scans import done, scan, sonarmap, write
 from tests.tools.command.live.waiting import until

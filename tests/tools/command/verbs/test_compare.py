@@ -11,7 +11,7 @@ import pytest
 import rasterio
 from PIL import Image
 
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.products.compare.distances import Verdict
 from tests.samples.clutter_scans import (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sonarmap as library
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.clutter_scans import done, files_in, printed, refused, said, sonarmap

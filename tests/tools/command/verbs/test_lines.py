@@ -11,7 +11,7 @@ import pytest
 
 import sonarmap as sonarmap_package
 from sonarmap.slam.pings.biases import Biases
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Projection
 from sonarmap.tools.files.map_folder.folder import mapped_scans, read_map_folder
 from sonarmap.tools.products.export.clouds import Cloud
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 import sonarmap as library
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
+from sonarmap.tools.files.readers.trajectory import read_tum
 from tests.samples.clutter_scans import (
     T_WORLD_SENSOR,
     done,

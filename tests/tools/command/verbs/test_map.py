@@ -10,8 +10,8 @@ import pytest
 from typer.testing import Result
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scan
+from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.files.writers.poses import write_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from tests.samples.clutter_scans import (

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scan
+from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, scan, sonarmap, table_of, write
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.optimize.chordal import ChordalProblem
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.writers.poses import write_g2o
 from tests.samples.clutter_scans import printed, printed_at, refused, said, sonarmap
 from tests.samples.places import DATA

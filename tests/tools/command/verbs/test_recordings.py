@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.files.readers.clouds.ply import read_ply
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
+from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.bags.messages import CLOUD, ODOMETRY, STAMP, cloud, odometry
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from tests.samples.clutter_scans import done, files_in, printed, refused, sonarmap, table_of
 from tests.tools.products.export.finished import finished_map

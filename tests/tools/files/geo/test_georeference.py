@@ -6,8 +6,7 @@ from pyproj import Geod, Transformer
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection, on_the_earth, utm_epsg
+from sonarmap.tools.files.geo import Georeference, Projection, on_the_earth, utm_epsg
 from tests.samples.refusals import refuses
 from tests.tools.products.export.finished import georeferenced
 

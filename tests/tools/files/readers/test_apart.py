@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.clouds import apart
-from sonarmap.tools.files.readers.clouds.apart import read_apart
+from sonarmap.tools.files.readers.clouds import las as module
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.clouds.las import read_apart
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.cloud_files import POINTS, las
 from tests.samples.places import ROOT
@@ -81,7 +81,7 @@ def test_time_and_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     refuses("it takes more memory than", read_apart, gorge, b"")
     first = process()
     with monkeypatch.context() as patch:
-        patch.setattr(apart, "_SECONDS", 1)
+        patch.setattr(module, "_SECONDS", 1)
         refuses("ended with SIGXCPU", read_apart, loop, b"")
     assert process() != first
 
@@ -91,7 +91,7 @@ def test_an_interrupted_answer_is_not_the_next_files(monkeypatch: pytest.MonkeyP
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(apart, "_receive", interrupted)
+        patch.setattr(module, "_receive", interrupted)
         with pytest.raises(KeyboardInterrupt):
             process()
     refuses("2 bytes are not", read_apart, refuse, b"ab")
@@ -121,7 +121,7 @@ def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:
     (tmp_path / "a.laz").write_bytes(las())
     (tmp_path / "script.py").write_text(
         "import sonarmap\nprint(len(sonarmap.read_scans('a.laz')[0].points))\n"
-        "from sonarmap.tools.files.readers.clouds.apart import _kept\nprint(_kept[1].pid)\n"
+        "from sonarmap.tools.files.readers.clouds.las import _kept\nprint(_kept[1].pid)\n"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     ended = subprocess.run(
@@ -137,7 +137,7 @@ def test_plain_points_need_no_process(tmp_path: Path, monkeypatch: pytest.Monkey
     def refused(*_: object, **__: object) -> None:
         raise OSError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(apart, "_kept", None)
+    monkeypatch.setattr(module, "_kept", None)
     monkeypatch.setattr(subprocess, "Popen", refused)
     for name in ("a.las", "a.laz"):
         (tmp_path / name).write_bytes(las(compressed=name == "a.laz"))

@@ -8,8 +8,7 @@ import pytest
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, Corrections, PointFrame
-from sonarmap.tools.files.readers.scans import read_scans, read_survey
+from sonarmap.tools.files.readers.scans import FRAMES, UNITS, Corrections, PointFrame, read_scans, read_survey
 from tests.samples.cloud_files import TABLE, npz
 from tests.samples.recordings import range_image
 from tests.samples.refusals import refuses

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.constraints import read_control, read_ties
 from tests.samples.refusals import refuses
 

@@ -12,9 +12,8 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers import incoming as module
-from sonarmap.tools.files.readers.corrections import AS_RECORDED
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, final_path, incoming, replayed
-from sonarmap.tools.files.readers.scans import read_survey
+from sonarmap.tools.files.readers.scans import AS_RECORDED, read_survey
 from tests.samples.bags.messages import CLOUD, STAMP, cloud
 from tests.samples.bags.writers import write_mcap
 from tests.samples.cloud_files import TABLE, put

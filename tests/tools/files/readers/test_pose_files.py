@@ -14,8 +14,8 @@ from sonarmap.slam.graph.edge import inverse_definite
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.readers.poses.trajectory import read_gt_log, read_kitti, read_tum
+from sonarmap.tools.files.readers.g2o import read_g2o
+from sonarmap.tools.files.readers.trajectory import read_gt_log, read_kitti, read_tum
 from sonarmap.tools.files.writers.poses import write_g2o, write_tum
 from sonarmap.tools.files.writers.tables import to_json, write_json
 from sonarmap.tools.products.output.folder import SurveyRun, survey_summary

@@ -9,8 +9,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.checks import same_points, strange_sizes
-from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
+from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey, same_points, strange_sizes
 from sonarmap.tools.files.readers.selection import select_files
 from tests.samples.cloud_files import POINTS, npz, put
 from tests.samples.refusals import refuses

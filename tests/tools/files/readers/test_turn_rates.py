@@ -13,7 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.frames import recorded_turn_rates
 from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
 from sonarmap.tools.files.readers.scans import read_survey
-from sonarmap.tools.files.readers.sonar.imu import turn_rates
+from sonarmap.tools.files.readers.sonar.recording import turn_rates
 from tests.samples.bags.messages import CLOUD, FIELDS, STAMP, TF, cloud, header, transforms, xyz
 from tests.samples.bags.writers import WRITERS, Record, write_mcap
 from tests.samples.cloud_files import TABLE, sonar_packets

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
+from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.lab.evaluate.survey import read_summary, score_survey
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.lab.simulate.folder import write_simulation

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
+from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.lab.simulate.folder import read_settings, write_simulation
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap

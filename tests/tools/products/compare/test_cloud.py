@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import lengths
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.maps import export_map
 from sonarmap.tools.products.compare.cloud import PointCloud

@@ -15,8 +15,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.products.export.clouds import Cloud
 from sonarmap.tools.products.export.georeferenced import Georeferenced

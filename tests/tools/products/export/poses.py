@@ -7,7 +7,7 @@ import numpy as np
 from pyproj import CRS, Transformer
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Loop
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from tests.tools.products.export.finished import georeferenced, timed

@@ -20,8 +20,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import cell_keys
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.motion.straighten import Way, straightened
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, mapped_scans, read_map_folder
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.writers.points import write_ply

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.mapper import Mapper
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.products.export.geotiff import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map

@@ -13,7 +13,7 @@ from pyproj import Transformer
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.geotiff import NODATA, write_geotiff

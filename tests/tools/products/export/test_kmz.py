@@ -13,7 +13,7 @@ from fastkml.validator import get_schema_parser
 from lxml import etree
 from PIL import Image
 
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.geotiff import write_kmz
 from tests.tools.products.export.finished import START, georeferenced, scattered, timed

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import mapped_scans, read_map_folder
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.export.run import ExportSettings, export_map

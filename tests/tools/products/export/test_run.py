@@ -9,7 +9,7 @@ import pytest
 from pyproj import CRS
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.run import ExportSettings, check_settings, export_map

@@ -18,7 +18,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.writers.poses import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track import (

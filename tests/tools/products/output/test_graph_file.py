@@ -16,7 +16,7 @@ from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.poses.trajectory import read_graph_json
+from sonarmap.tools.files.readers.trajectory import read_graph_json
 from sonarmap.tools.files.writers.tables import write_json
 from sonarmap.tools.products.output.folder import survey_graph
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.products.report.content import content_of, verdict
 from sonarmap.tools.products.report.provenance import map_command

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.products.report.pictures import draw_map, map_figure
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.products.report.content import Content
 from sonarmap.tools.products.report.points import pack
 from tests.tools.products.report.browser import Opened, click, opened, seen_at

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.products.section import PlacedMap
 

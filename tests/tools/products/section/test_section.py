@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.products.section import (
     PROFILE,
     Coordinates,

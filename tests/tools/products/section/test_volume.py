@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.products.section import Volume, volume_between, volume_to_level
 from tests.tools.products.section.made_up import bed, moved, placed
 

@@ -36,8 +36,7 @@ def stream_recording(
 ) -> Iterator[Cloud]:
     """The clouds of a topic (None: the only one with clouds), one per message, stamped by their headers; empty for a
     message that cannot be used. They are in base_link where tf_static has the sensor's mounting, else in the sensor's
-    frame. `more` is for an MCAP file that grows, as of `open_mcap`. Raises InputError: no such topic, several of which
-    none is named, or none of its messages can be used."""
+    frame. `more` is for an MCAP file that grows, as of `open_mcap`."""
     about: list[str] = []
     recording = open_recording(path, about)
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)
@@ -80,8 +79,7 @@ class _Packed:
 
 
 def cloud_of(message: Message) -> tuple[str, Cloud]:
-    """The frame and the cloud of a message; without a stamp where the message has none. Raises InputError: the message
-    is damaged or contradicts itself, or has no fields x, y and z."""
+    """The frame and the cloud of a message; without a stamp where the message has none."""
     content = decode(message)
     with refused(f"its {message.kind} contradicts itself"):
         if message.kind == FOXGLOVE_CLOUD:

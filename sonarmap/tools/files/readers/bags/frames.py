@@ -28,7 +28,7 @@ from sonarmap.tools.files.readers.bags.recording import (
     refused,
 )
 from sonarmap.tools.files.readers.instruments import LARGEST
-from sonarmap.tools.files.readers.poses.trajectory import poses_at
+from sonarmap.tools.files.readers.trajectory import poses_at
 from sonarmap.tools.files.user_file import naming
 
 BASE = "base_link"
@@ -52,7 +52,6 @@ class Link:
     fixed: bool  # whether it is of tf_static
 
     def T_parent_child(self) -> RigidTransform:
-        """The transform. Raises InputError: its numbers are no rigid transform."""
         return rigid([self.numbers], f"the transform {self.parent} to {self.child}")[0]
 
 
@@ -67,7 +66,7 @@ def stamp_of(header: Any) -> int:
 
 
 def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
-    """A stack of transforms from x, y, z and quaternions. Raises InputError: naming `what` and the first bad one."""
+    """A stack of transforms from x, y, z and quaternions."""
     numbers = np.array(rows, np.float64)
     length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # beyond it is none, and its square overflows
     good = (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
@@ -227,7 +226,7 @@ def _ascending(stamps: Sequence[int], rows: Sequence[tuple[float, ...]], what: s
 def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Times (n,) [s, UTC], ascending, and turn rates (n, 3) [rad/s] of the topic of sensor_msgs/Imu with most messages,
     about the axes of base_link where tf_static has the IMU's mounting, else about those of its own frame, x forward, y
-    left, z up. Raises InputError: it has no such message that can be read."""
+    left, z up."""
     with naming(path):
         recording = open_recording(path, [])
         topics = recording.of_kinds((IMU,))

@@ -154,7 +154,7 @@ def _plain_name(file: Path) -> str:
 def open_mcap(path: Path, packed: int, more: Callable[[], bool] | None = None) -> Recording:
     """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. `more`: whether messages
     may still come, asked where the file ends, after waiting; None for a finished one. Its topics are those that are
-    there. Raises InputError: there is no message in it."""
+    there."""
     faults: list[str] = []
     most = most_records(packed)
     contents = _indexed(path) or _counted(_records(path, most, faults))
@@ -346,8 +346,7 @@ class _WholeReads:
         self.place = self._file.seek(place)
 
     def read(self, length: int) -> bytes:
-        """The next bytes. Raises InputError: there are not so many, or more than memory should hold, or too many reads;
-        nothing is read then."""
+        """The next bytes."""
         self._left -= 1
         if self._left < 0:
             raise InputError(f"it has too many records before byte {self.place:,}, {NOT_BELIEVABLE}")
@@ -364,8 +363,7 @@ class _WholeReads:
 
 
 def _open_sqlite(path: Path, size: int) -> Recording:
-    """Messages may be compressed one by one. Raises InputError: no database of ROS 2 messages, a damaged one, or too
-    many for its bytes."""
+    """Messages may be compressed one by one."""
     recording = _recording(path, _opened_sqlite, "cdr", partial(_plain, Unpacker(size)))
     if sum(topic.count for topic in recording.topics) > most_records(size):
         raise InputError(f"it has more than {most_records(size):,} messages, {NOT_BELIEVABLE}")

@@ -73,8 +73,7 @@ class Recording:
 
 
 def choose_topic(recording: Recording, name: str | None, kinds: Collection[str], path: object) -> Topic:
-    """The topic of that name, or the only one with messages of some types. Raises InputError: no such topic, one of
-    another type, or several of which none is named."""
+    """The topic of that name, or the only one with messages of some types."""
     able = recording.of_kinds(kinds)
     wanted = " or ".join(kinds)
     if name is None:
@@ -119,8 +118,7 @@ def topics_of(counts: Mapping[tuple[str, str], int]) -> tuple[Topic, ...]:
 
 
 def decode(message: Message) -> Any:
-    """The content of a message, with the fields of its type as attributes. Raises InputError: another type or encoding,
-    or damaged content."""
+    """The content of a message, with the fields of its type as attributes."""
     encoding = message.encoding
     with refused(f"its {message.kind} cannot be decoded"):
         if encoding == "cdr":
@@ -163,8 +161,7 @@ class Unpacker:
     plain: int = 0  # bytes that came of it so far
 
     def __call__(self, content: bytes, compression: str) -> bytes:
-        """The plain bytes of a chunk. `compression`: none (or empty), bz2, lz4 (frames) or zstd. Raises InputError:
-        another one, a chunk that was cut, or more bytes come of it than can be right."""
+        """The plain bytes of a chunk. `compression`: none (or empty), bz2, lz4 (frames) or zstd."""
         if compression in ("", "none"):
             return content
         if self.plain > max(LARGEST, _ALL * self.size):
@@ -237,8 +234,7 @@ class Room:
         self._written = 0
 
     def unpack(self, path: Path) -> Path:
-        """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked. Raises InputError: it is damaged, or the bag holds more
-        than its bytes believably can, or the disk has no room."""
+        """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked."""
         import zstandard
 
         plain, yourself = self._folder / path.stem, f"unpack it yourself with zstd -d {path.name}"

@@ -54,8 +54,7 @@ class Cloud:
 
 def column_roles(names: Sequence[str]) -> dict[str, int]:
     """Which columns are x, y, z and, where there are such, strength, vp_x, vp_y, vp_z and time: {role: index}, in upper
-    or lower case, with or without CloudCompare's prefix `scalar_`. Raises InputError: a coordinate, of the points or of
-    the viewpoints, has no column."""
+    or lower case, with or without CloudCompare's prefix `scalar_`."""
     plain = [name.lower().removeprefix("scalar_") for name in names]
     missing = [axis for axis in "xyz" if axis not in plain]
     if missing:
@@ -97,8 +96,7 @@ def columns_of(scan: Scan) -> dict[str, np.ndarray]:
 
 def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
     """The usable points of `cloud` as a scan, and notes about what was dropped or corrected: points that are NaN or
-    infinite are dropped; strengths that are negative, NaN or infinite become 0. Raises InputError: no finite point, one
-    further than COORDINATE_LIMIT off, or one whose viewpoint is, or is not finite."""
+    infinite are dropped; strengths that are negative, NaN or infinite become 0."""
     notes = list(cloud.notes)
     total = len(cloud.points)
     if total == 0:

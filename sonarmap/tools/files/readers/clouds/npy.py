@@ -31,14 +31,12 @@ _DAMAGE = (
 
 
 def read_npy(content: bytes) -> list[Cloud]:
-    """The points of a .npy file: columns x, y, z and perhaps strength. Raises InputError: a damaged header, objects or
-    structures inside, another shape, fewer bytes than promised."""
+    """The points of a .npy file: columns x, y, z and perhaps strength."""
     return [cloud_of_array(parse_npy(content))]
 
 
 def cloud_of_array(points: np.ndarray, strength: np.ndarray | None = None, stamp: float | None = None) -> Cloud:
-    """The cloud of an array (N, 3), or (N, 4) with the strength last where none is given beside it. Raises InputError:
-    another shape, or a strength for another number of points."""
+    """The cloud of an array (N, 3), or (N, 4) with the strength last where none is given beside it."""
     if points.ndim != 2 or points.shape[1] not in (3, 4):
         raise InputError(f"an array of shape {points.shape}; wanted (N, 3) or, with strength, (N, 4)")
     if points.shape[1] == 4 and strength is None:
@@ -77,8 +75,7 @@ def parse_npy(content: bytes) -> np.ndarray:
 
 
 def read_npz(content: bytes) -> list[Cloud]:
-    """The points of a .npz file: `points`, perhaps `strength`, `stamp`, `viewpoints`, `times`; or its only array.
-    Raises InputError: damage, arrays of objects, other names or shapes, an unbelievable compression."""
+    """The points of a .npz file: `points`, perhaps `strength`, `stamp`, `viewpoints`, `times`; or its only array."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(content))
         members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}

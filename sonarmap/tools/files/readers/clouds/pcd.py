@@ -48,7 +48,7 @@ class _Header:
 
 
 def read_pcd(content: bytes) -> list[Cloud]:
-    """The points of a PCD file. Raises InputError: it is not a whole, well-formed one with fields x, y, z."""
+    """The points of a PCD file."""
     match = _HEADER.match(content[:_HEADER_LIMIT])
     if match is None:
         raise InputError(

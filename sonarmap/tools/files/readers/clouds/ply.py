@@ -59,7 +59,7 @@ class _Header:
 
 
 def read_ply(content: bytes) -> list[Cloud]:
-    """The vertices of a PLY file. Raises InputError: it is not a whole, well-formed one with vertices x, y, z."""
+    """The vertices of a PLY file."""
     header = _header_of(content)
     roles = column_roles([p.name for p in header.vertex.properties])
     if header.order == "":
@@ -76,7 +76,7 @@ def read_ply(content: bytes) -> list[Cloud]:
 
 
 def read_ply_columns(content: bytes) -> dict[str, np.ndarray]:
-    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is. Raises as `read_ply`."""
+    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is."""
     header = _header_of(content)
     if header.order == "":
         raise InputError("it is an ascii PLY file; wanted a binary one, as `sonarmap map` writes")

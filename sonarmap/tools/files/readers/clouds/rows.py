@@ -24,8 +24,7 @@ _BARE = {3: ("x", "y", "z"), 4: ("x", "y", "z", "strength")}
 
 
 def whole_lines(text: bytes, first: int) -> list[Line]:
-    """The lines of `text` that are not blank, numbered from `first`. Raises InputError: the last line has no line
-    break: 3.1 could be a 3.14159 that was cut."""
+    """The lines of `text` that are not blank, numbered from `first`."""
     if text and not text.endswith((b"\n", b"\r")):
         raise InputError(
             "the last line does not end with a line break, so the file may have been cut within a number; "
@@ -39,8 +38,7 @@ def parse_rows(
     lines: Sequence[Line], columns: int, separator: bytes | None = None, comment: re.Pattern[bytes] | None = None
 ) -> np.ndarray:
     """The numbers of `lines` as (N, columns) float64, without lines that match `comment`; `separator` None is any run
-    of blanks. Raises InputError: naming the line, where it has more or fewer columns, or something that is no number.
-    """
+    of blanks."""
     rows = [line for _, line in lines]
     if any(rows) and not b"".join(rows).translate(None, _PLAIN + (separator or b"")):
         with suppress(ValueError):
@@ -78,8 +76,7 @@ def unpack_records(
     content: bytes, start: int, count: int, fields: Sequence[tuple[str, int]], roles: Mapping[str, int]
 ) -> dict[str, np.ndarray]:
     """Columns of `count` packed records, from byte `start` on: {role: (count,)}. `fields` are dtype and bytes of each
-    field of a record, `roles` those that are wanted. Raises InputError: the content is shorter than that, or a record
-    beyond any sense; nothing is allocated before this is known."""
+    field of a record, `roles` those that are wanted."""
     offsets = [0, *accumulate(size for _, size in fields)]
     stride = offsets[-1]
     if stride > _LARGEST_RECORD:
@@ -119,7 +116,7 @@ def most_unpacked(packed: int) -> int:
 
 def require_believable(what: str, packed: int, plain: int) -> None:
     """Refuse what would take memory out of all proportion to the file: `plain` bytes in memory, of `packed` ones in the
-    file, that `what` claims. Raises InputError: these are more than `most_unpacked`."""
+    file, that `what` claims."""
     if plain > most_unpacked(packed):
         raise InputError(
             f"{what} would make {plain:,} bytes of {packed:,}, which is not believable: the file is damaged, copy it "
@@ -128,8 +125,7 @@ def require_believable(what: str, packed: int, plain: int) -> None:
 
 
 def read_text(content: bytes) -> list[Cloud]:
-    """The points of a text file. Raises InputError: not UTF-8, a line with another number of columns (named), something
-    that is no number."""
+    """The points of a text file."""
     try:
         content.decode("utf-8")
     except UnicodeDecodeError as error:

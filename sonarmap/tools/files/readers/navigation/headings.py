@@ -91,7 +91,7 @@ class Column:
 
 def column_of(index: int, heading: str, quantity: str | None = None) -> Column | None:
     """What a heading says; None where nothing is known of it. `quantity`: what the user says that it is, so that only
-    the unit is asked for. Raises InputError: a unit that is not known, or feet of a grid."""
+    the unit is asked for."""
     if heading in OWN:
         return Column(index, heading, quantity or heading, word=heading)
     stem, unit = _split(_plain(heading))

@@ -14,7 +14,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.csv_table import index_of, plain_text
 from sonarmap.tools.files.readers.file import FORMATS
 
@@ -133,7 +133,7 @@ def _attached(
 def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str, allow_unknown: bool) -> int | None:
     """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`. `by` is "name" (with
     or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp"; `key` is what the row has, `time` its
-    stamp [s, UTC]. Raises InputError: a row that fits several scans or none."""
+    stamp [s, UTC]."""
     indices = [k for k, scan in enumerate(scans) if abs(scan.stamp - time) <= SAME_STAMP]
     if by == "name":
         match = _SUFFIX.fullmatch(key)
@@ -164,7 +164,7 @@ def _called(scans: Sequence[Scan], name: str) -> list[int]:
 
 def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
     """The index of a scan. `cell`: a scan's name, with or without the suffix of its file, or its number from 0 as
-    pairs.csv has it; a name that is a number counts first. Raises InputError: no scan, or several."""
+    pairs.csv has it; a name that is a number counts first."""
     index = find_scan(scans, "name", cell, float("nan"), where, allow_unknown=True)
     if index is None and (index := index_of(cell, len(scans))) is None:
         raise InputError(

@@ -19,8 +19,8 @@ from sonarmap.tools.files.readers.navigation.log import SAME_STAMP
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from sonarmap.tools.files.readers.navigation.time_offset import why_apart
-from sonarmap.tools.files.readers.poses.trajectory import poses_at
 from sonarmap.tools.files.readers.selection import is_bag_folder, part_of_file
+from sonarmap.tools.files.readers.trajectory import poses_at
 
 # Poses this many times farther apart than usual leave a gap, in which nothing is known.
 _GAP = 10.0
@@ -41,9 +41,6 @@ def read_odometry(
             file, perhaps with ::TOPIC behind it.
         drift: standard deviation of the distance, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
-
-    Raises InputError: naming the file: it cannot be used, its stamps do not ascend, or fewer than two scans lie within
-    its time.
     """
     notes = [] if notes is None else notes
     times = np.array([scan.stamp for scan in scans], dtype=np.float64)
@@ -105,8 +102,7 @@ def _read_log(
 
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:
-    """The share of the distance and the rotation per second [rad/s], from "percent,degrees per hour" of an option.
-    Raises InputError: not two numbers of 0 or more, one of them above 0."""
+    """The share of the distance and the rotation per second [rad/s], from "percent,degrees per hour" of an option."""
     try:
         percent, degrees = (float(part) for part in text.split(","))
     except ValueError:
@@ -137,7 +133,7 @@ def _turn_rates(files: Sequence[Path]) -> TurnRates | None:
     for path in dict.fromkeys(path.parent if is_bag_folder(path.parent) else path for path in files):
         with suppress(InputError):  # without an IMU
             if path.suffix.lower() == ".sonar":
-                from sonarmap.tools.files.readers.sonar.imu import turn_rates  # wlsonar loads slowly
+                from sonarmap.tools.files.readers.sonar.recording import turn_rates
 
                 measured.append(turn_rates(path))
             elif is_recording(path):

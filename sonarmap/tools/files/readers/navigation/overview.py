@@ -2,30 +2,50 @@
 
 import codecs
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.checks import Clock, clock_of
-from sonarmap.tools.files.readers.csv_table import read_csv_table
-from sonarmap.tools.files.readers.instruments import COLUMNS, PRIOR_SIGMAS, values_of
-from sonarmap.tools.files.readers.navigation.columns import MEASURED
-from sonarmap.tools.files.readers.navigation.headings import column_of
+from sonarmap.tools.files.geo import Georeference
+from sonarmap.tools.files.readers.csv_table import MISSING, CsvRow, degrees, numbers, read_csv_table, refuse
+from sonarmap.tools.files.readers.instruments import (
+    COLUMNS,
+    LARGEST,
+    LARGEST_OF,
+    PRIOR_SIGMAS,
+    SIGMA_COLUMNS,
+    check_measured,
+    values_of,
+)
+from sonarmap.tools.files.readers.navigation.columns import MEASURED, PAIRS, Columns, columns_of
+from sonarmap.tools.files.readers.navigation.headings import SOURCES, column_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans, usable_rows
 from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
-from sonarmap.tools.files.readers.navigation.settings import OF_NMEA, OF_TABLES, UP_FRAMES, NavigationSettings
-from sonarmap.tools.files.readers.navigation.table import read_table
+from sonarmap.tools.files.readers.navigation.settings import (
+    OF_NMEA,
+    OF_TABLES,
+    UP_FRAMES,
+    NavigationSettings,
+    local_places,
+)
 from sonarmap.tools.files.readers.navigation.time_offset import why_apart
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
-from sonarmap.tools.files.user_file import reading, require_file
+from sonarmap.tools.files.readers.navigation.times import TimeCells, times_of
+from sonarmap.tools.files.readers.trajectory import read_tum
+from sonarmap.tools.files.time_scales import Clock, clock_of
+from sonarmap.tools.files.user_file import naming, reading, require_file
 
 _LOOKED_AT = 20_000  # bytes of a file's beginning that tell its kind
 _TUM_NUMBERS = 8
 _TABLES = (".csv", ".txt", ".log", ".tsv")
 _POINT = {"x_m", "y_m", "z_m"}
+_ON_EARTH = {"lat_deg": 90.0, "lon_deg": 180.0}
+_DIGITS = 6  # decimals from which on a small range of meters looks like degrees
+_DEGREES_RANGE = 0.05  # [deg]: 5 km of latitude
+_ABOVE = 0.5  # [m]: depths in the median so far above the water have the wrong sign
+_GRID = 20_000.0  # [m] beyond which eastings and northings are a grid's
 
 
 def read_navigation(
@@ -45,7 +65,7 @@ def read_navigation(
 
 
 def beginning_of(path: Path) -> str:
-    """The first characters of a file, which tell its kind. Raises InputError: it cannot be read."""
+    """The first characters of a file, which tell its kind."""
     require_file(path)
     with reading(path), path.open("rb") as file:
         content = file.read(_LOOKED_AT)
@@ -129,7 +149,7 @@ def is_log(path: Path) -> bool:
 
 
 def log_overview(path: Path, settings: NavigationSettings, stamps: np.ndarray) -> LogOverview:
-    """The log, beside scans at `stamps`, (N,) [s], of which there may be none. Raises InputError: it cannot be read."""
+    """The log, beside scans at `stamps`, (N,) [s], of which there may be none."""
     notes: list[str] = []
     log = read_navigation(path, settings, None, stamps, notes)
     log = replace(log, times=log.times + (settings.offset or 0.0))
@@ -142,3 +162,192 @@ def log_overview(path: Path, settings: NavigationSettings, stamps: np.ndarray) -
         apart = "" if covered else why_apart(log.times, stamps)
     clock = clock_of(log.times) if is_series else None
     return LogOverview(path, log, usable, tuple(faults), clock, len(stamps), covered, apart, tuple(notes))
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """A file's rows by column: what is read of them is in `columns`."""
+
+    path: Path
+    columns: Columns
+    rows: Sequence[CsvRow]
+    cells: Mapping[str, list[str]]  # of each column that is read, for each row
+
+    def where(self, row: int) -> str:
+        return f"{self.path}: line {self.rows[row].line}"
+
+
+def read_table(
+    path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
+) -> NavigationLog:
+    """The rows of a CSV file, as `tools.files.readers.navigation.overview.read_navigation` has them."""
+    raw = read_csv_table(path)
+    with naming(raw.where()):
+        columns = columns_of(raw.heading.cells, settings, sigmas)
+    for row in () if columns.is_own else raw.rows:  # in a log empty cells at the end do not count
+        while len(row.cells) > len(raw.heading.cells) and not row.cells[-1]:
+            row.cells.pop()
+    raw.require_even()
+    cells = {name: [row.cells[column.index] for row in raw.rows] for name, column in columns.of.items()}
+    table = _Table(path, columns, raw.rows, cells)
+    if not table.rows:
+        raise InputError(f"{path} has no row below its heading; wanted one per scan")
+    notes += [f"{path}: {note}" for note in columns.notes]
+    notes += raw.notes
+    values, georeference = _values(table, settings, notes)
+    deviations = _sigmas(table, settings)
+    _check_rows(table, values, deviations, sigmas)
+    _refuse_above_water(table, values[:, 5])
+    keys = cells[columns.key]
+    for row, key in enumerate(keys):
+        if not key:
+            raise InputError(f"{table.where(row)}: its {columns.key} is empty; fix that line")
+    lines = np.array([row.line for row in table.rows])
+    times = np.full(len(keys), np.nan)
+    if columns.key == "stamp":
+        written = TimeCells(path, lines, keys, columns.of["stamp"], cells.get("date"), cells.get("gps_week"))
+        times = times_of(written, settings.time_scale, scans, notes)
+    return NavigationLog(columns.key, lines, tuple(keys), times, values, deviations, georeference)
+
+
+def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tuple[np.ndarray, Georeference | None]:
+    """(n, 6) in the order, units and signs of COLUMNS, NaN where not measured; and where x and y count from."""
+    values = np.full((len(table.rows), len(COLUMNS)), np.nan)
+    for k, names in enumerate(SOURCES):
+        for name in names:
+            if name in table.columns.of:
+                values[:, k] = _column(table, name)
+    if settings.points_up:
+        values[:, 1] *= -1
+    if "yaw_deg" in table.columns.of:
+        values[:, 2] = np.mod(90 - values[:, 2], 360) if settings.points_up else np.mod(values[:, 2], 360)
+    if settings.declination is not None:
+        values[:, 2] = np.mod(values[:, 2] + settings.declination, 360)
+    if "height_m" in table.columns.of or ("z_m" in table.columns.of and settings.frame in UP_FRAMES):
+        values[:, 5] *= -1
+    if "lat_deg" in table.columns.of or ("easting_m" in table.columns.of and settings.crs is not None):
+        with naming(table.path):
+            return local_places(values, "lat_deg" in table.columns.of, settings, notes)
+    _refuse_degrees(table, values)
+    if "easting_m" in table.columns.of:
+        _refuse_grid(table, values, notes)
+    elif _is_north_first(table, settings):
+        values[:, [3, 4]] = values[:, [4, 3]]
+    return values, None
+
+
+def _is_north_first(table: _Table, settings: NavigationSettings) -> bool:
+    """Whether x is North, as in North, East, Down."""
+    return "x_m" in table.columns.of and settings.frame is not None and not settings.points_up
+
+
+def _column(table: _Table, name: str) -> np.ndarray:
+    """(n,) of one column in the unit of its quantity, NaN where it says nothing."""
+    cells, column = table.cells[name], table.columns.of[name]
+    if name in _ON_EARTH:
+        values = np.array([degrees(cell, name) for cell in cells])
+        bad = np.isnan(values) & np.array([cell.lower() not in MISSING for cell in cells])
+        wanted = "degrees, as 60.3913 or 60 23.478 N"
+    else:
+        values, bad = numbers(cells, table.columns.is_own)
+        wanted = "a finite number, or an empty cell for what was not measured"
+    values = _usable(table, name, values, bad, wanted)
+    if name in _ON_EARTH and (beyond := np.abs(values) > _ON_EARTH[name]).any():
+        row = int(np.argmax(beyond))
+        raise InputError(
+            f"{table.where(row)}: {column.heading} is {values[row]:g}; wanted degrees within {_ON_EARTH[name]:g}; if "
+            "these are meters of a grid, give --nav-columns "
+            f"{'northing_m' if name == 'lat_deg' else 'easting_m'}={column.heading} and --nav-crs"
+        )
+    quantity = {"yaw_deg": "heading_deg"}.get(name, name)
+    large = np.abs(values) > LARGEST_OF.get(quantity, LARGEST)
+    if large.any():
+        row = int(np.argmax(large))
+        with naming(table.where(row), "; fix that line"):
+            check_measured(quantity, float(values[row]))
+    return values
+
+
+def _usable(table: _Table, name: str, values: np.ndarray, bad: np.ndarray, wanted: str) -> np.ndarray:
+    """The numbers of a column in the unit of its quantity."""
+    for row in np.flatnonzero(bad).tolist():
+        raise refuse(table.where(row), table.columns.heading(name), table.cells[name][row], wanted)
+    return values * table.columns.of[name].factor
+
+
+def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
+    """(n, 6) standard deviations, NaN where the file has none."""
+    sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
+    for k, name in enumerate(SIGMA_COLUMNS):
+        if name not in table.columns.of:
+            sigmas[:, k] = table.columns.usual.get(COLUMNS[k], np.nan)
+            continue
+        values, bad = numbers(table.cells[name], table.columns.is_own)
+        sigmas[:, k] = _usable(table, name, values, bad, "a finite number, or an empty cell")
+        for row in np.flatnonzero(np.isfinite(values)).tolist():
+            with naming(table.where(row), "; fix that line"):
+                check_measured(name, float(sigmas[row, k]))
+    if _is_north_first(table, settings):
+        sigmas[:, [3, 4]] = sigmas[:, [4, 3]]
+    return sigmas
+
+
+def _refuse_above_water(table: _Table, depths: np.ndarray) -> None:
+    """Refuse a log's depths that are upside down."""
+    known = depths[np.isfinite(depths)]
+    if not table.columns.is_own and "depth_m" in table.columns.of and len(known) and np.median(known) < -_ABOVE:
+        heading = table.columns.heading("depth_m")
+        raise InputError(
+            f"{table.path}: {heading} is {np.median(known):.1f} m in the median, above the water; wanted depths, "
+            f"positive down. If these are heights, give --nav-columns height_m={heading}; else turn the sign"
+        )
+
+
+def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigmas: Mapping[str, float] | None) -> None:
+    """Refuse what is measured without a standard deviation, and one of a pair alone."""
+    measured = np.isfinite(values)
+    for k, name in enumerate(COLUMNS if sigmas is not None else ()):
+        bare = measured[:, k] & np.isnan(deviations[:, k]) & (name not in (sigmas or {}))
+        if bare.any():
+            raise InputError(
+                f"{table.where(int(np.argmax(bare)))}: {name} has no standard deviation; fill in {SIGMA_COLUMNS[k]}, "
+                f"or give {PRIOR_SIGMAS}; fix that line"
+            )
+    for first, second in PAIRS:
+        both = [COLUMNS.index(first), COLUMNS.index(second)]
+        lone = measured[:, both].sum(axis=1) == 1
+        if lone.any() and table.columns.is_own:
+            raise InputError(
+                f"{table.where(int(np.argmax(lone)))}: {first} and {second} can only be used together, and one is "
+                "empty; fix that line"
+            )
+        values[np.ix_(lone, both)] = np.nan
+
+
+def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
+    """Refuse coordinates in meters that look like degrees: of many decimals, and within a twentieth of each other."""
+    places = values[np.isfinite(values[:, 3:5]).all(axis=1), 3:5]
+    if len(np.unique(places, axis=0)) < 3 or not (np.abs(places) <= [180, 90]).all():
+        return
+    names = [name for k in (3, 4) for name in SOURCES[k] if name in table.columns.of]
+    fine = [cell for name in names for cell in table.cells[name] if len(cell.partition(".")[2]) >= _DIGITS]
+    if np.ptp(places, axis=0).max() >= _DEGREES_RANGE or len(fine) < len(places) or np.abs(places).max() < 1:
+        return
+    low, high = places.min(axis=0), places.max(axis=0)
+    raise InputError(
+        f"{table.path}: {table.columns.heading(names[0])} runs from {low[0]:g} to {high[0]:g} and "
+        f"{table.columns.heading(names[1])} from {low[1]:g} to {high[1]:g}, which look like degrees and are to be "
+        "meters; call them Longitude and Latitude, or, if they are meters, round them to millimeters"
+    )
+
+
+def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
+    """Without a CRS eastings and northings are meters from an origin of their own, if they are small enough."""
+    largest = np.nanmax(np.abs(values[:, 3:5]), initial=0.0)
+    if largest > _GRID:
+        both = " and ".join(table.columns.heading(name) for name in ("easting_m", "northing_m"))
+        raise InputError(
+            f"{table.path}: {both} reach {largest:.0f} m, as those of a grid do, whose North is not true North; say "
+            "which grid, as in --nav-crs EPSG:32632"
+        )
+    notes.append(f"{table.path}: eastings and northings are taken as meters from an origin of their own, by true North")

@@ -13,7 +13,7 @@ import numpy as np
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.columns import some
 from sonarmap.tools.files.readers.navigation.log import (
@@ -68,9 +68,6 @@ def navigate(
         allow_unknown: whether rows may belong to scans that are not among these.
         turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
             which the offset of the navigation's clock is estimated if the settings ask for it.
-
-    Raises InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
-    that fits no scan or several, or not one that fits any; or two files that say the same of a scan.
     """
     notes = [] if notes is None else notes
     paths = [paths] if isinstance(paths, Path) else paths
@@ -133,7 +130,7 @@ def _of_scans(
 def _merged(
     scans: Sequence[Scan], paths: Sequence[Path], of_files: Sequence[Sequence[PosePrior | None]]
 ) -> list[PosePrior | None]:
-    """The priors of all files together. Raises InputError: two of them measure the same of a scan."""
+    """The priors of all files together."""
     if len(of_files) == 1:
         return list(of_files[0])
     values, sigmas = np.full((2, len(paths), len(scans), 6), np.nan)

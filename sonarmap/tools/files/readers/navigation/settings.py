@@ -14,8 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.geo.georeference import EAST, Georeference
-from sonarmap.tools.files.geo.projection import Projection, on_the_earth
+from sonarmap.tools.files.geo import EAST, Georeference, Projection, on_the_earth
 from sonarmap.tools.files.readers.navigation.headings import QUANTITIES
 from sonarmap.tools.files.time_scales import TIME_SCALES, TimeScale
 
@@ -57,8 +56,7 @@ class Mount:
     def of_sensor(self, vehicle: PosePrior) -> PosePrior:
         """The prior of the sonar: T_world_sensor = T_world_vehicle * T_vehicle_sensor. What is not known of the
         rotation makes the place at the end of the lever arm less sure; without a heading the sonar's place is the
-        vehicle's, less sure by the arm's length. Raises InputError: a heading without roll and pitch, where the sonar
-        is mounted at a tilt."""
+        vehicle's, less sure by the arm's length."""
         if vehicle.knows_heading and not vehicle.knows_attitude and np.degrees(self.tilt) > _MOST_TILT:
             raise InputError(
                 f"the sonar is mounted at a tilt of {np.degrees(self.tilt):.0f} degrees, where a heading alone does "
@@ -158,7 +156,7 @@ AS_IT_SAYS = NavigationSettings()
 
 def parse_columns(text: str) -> MappingProxyType[str, str]:
     """{quantity: heading} of "depth_m=KP_DEPTH,heading_deg=Gyro"; a part with a comma in its heading is quoted; of an
-    empty text none. Raises InputError: a part without an equals sign, a quantity not known or given twice."""
+    empty text none."""
     mapped: dict[str, str] = {}
     for part in next(csv.reader([text]), ()):
         quantity, equals, heading = (piece.strip() for piece in part.partition("="))
@@ -173,7 +171,7 @@ def parse_columns(text: str) -> MappingProxyType[str, str]:
 
 
 def parse_talkers(text: str) -> tuple[str, ...]:
-    """The talkers of "GP,HE". Raises InputError: not two letters each."""
+    """The talkers of "GP,HE"."""
     talkers = tuple(part.strip().upper() for part in text.split(","))
     if not all(re.fullmatch("[A-Z]{2}", talker) for talker in talkers):
         raise InputError(f"--nmea-talker is {text!r}; wanted the two letters behind the $, as in --nmea-talker GP,HE")
@@ -181,8 +179,7 @@ def parse_talkers(text: str) -> tuple[str, ...]:
 
 
 def parse_mount(text: str, frame: NavFrame | None = None) -> Mount:
-    """The mount of "ROLL,PITCH,HEADING[,X,Y,Z]" [deg, m], in the signs of the vehicle's frame. Raises InputError: not
-    three or six numbers within 360 degrees and 100 m."""
+    """The mount of "ROLL,PITCH,HEADING[,X,Y,Z]" [deg, m], in the signs of the vehicle's frame."""
     try:
         numbers = np.array([float(part) for part in text.split(",")])
     except ValueError:
@@ -239,7 +236,7 @@ def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georefe
 
 
 def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> Projection:
-    """The grid that headings are by. Raises InputError: nobody says where on the Earth the headings were measured."""
+    """The grid that headings are by."""
     if georeference is None:
         raise InputError(
             "--heading-reference grid: the grid's North depends on the place; give --origin, or navigation with places "

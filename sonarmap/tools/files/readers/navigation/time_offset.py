@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.checks import utc
-from sonarmap.tools.files.time_scales import GPS_EPOCH, tai_minus_utc
+from sonarmap.tools.files.time_scales import GPS_EPOCH, tai_minus_utc, utc
 
 _FINEST = 0.02  # [s] of the grid on which both are compared
 _LEAST_TIME = 20.0  # [s] that both have to have in common
@@ -54,9 +53,6 @@ def estimate_offset(
         times_a, times_b: (n,), (m,) by the first and the second clock [s], ascending.
         rates_a, rates_b: (n,), (m,) turn rates about the same axis [rad/s]; their scales and means do not matter.
         most: the largest offset that is looked for [s].
-
-    Raises InputError: too little in common, rates that hardly change or that do not agree, several offsets at which
-    they agree alike (as of a vehicle that turns regularly), or an offset at the limit.
     """
     for times in (times_a, times_b):
         if len(times) < 3 or not (np.diff(times) > 0).all() or not np.isfinite(times).all():

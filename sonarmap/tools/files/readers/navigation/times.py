@@ -42,8 +42,7 @@ class TimeCells:
 
 def times_of(cells: TimeCells, scale: TimeScale | None, scans: np.ndarray, notes: list[str]) -> np.ndarray:
     """(n,) UTC [s] of the rows. `scale`: of the user; None for UTC, and GPS time where there are weeks. `scans`: (N,)
-    stamps of the scans [s], for times without a date. Raises InputError: naming the file and the line: what is no time,
-    or may be several."""
+    stamps of the scans [s], for times without a date."""
     if cells.column.word in GPS_NAMES and scale is None and cells.weeks is None:
         raise InputError(
             f"{cells.path}: {cells.column.heading!r} may be GPS time, or the UTC that a GPS receiver gives; say which, "
@@ -151,7 +150,7 @@ def _moment(text: str, day_first: bool) -> datetime | None:
 
 
 def _day_first(cells: TimeCells, dates: Sequence[str]) -> bool:
-    """Whether dates with slashes are day/month/year. Raises InputError: they may be both."""
+    """Whether dates with slashes are day/month/year."""
     parts = [match for text in dates if (match := _DATE.fullmatch(text)) and match[2] != "."]
     first, second = (any(int(match[k]) > 12 for match in parts) for k in (1, 3))
     if parts and first == second and any(match[1] != match[3] for match in parts):
@@ -181,8 +180,7 @@ def time_of_day(text: str) -> float | None:
 
 
 def dated(of_day: np.ndarray, scans: np.ndarray, path: object, notes: list[str]) -> np.ndarray:
-    """(n,) times [s] of seconds of the day in the file's order, on the day on which they are nearest to the scans.
-    Raises InputError: the scans have no dates either."""
+    """(n,) times [s] of seconds of the day in the file's order, on the day on which they are nearest to the scans."""
     if not len(scans) or np.median(scans) < _ON_EARTH:
         raise InputError(f"{path}: its times have no date, and neither have the scans; add a column of dates")
     days = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnight passes

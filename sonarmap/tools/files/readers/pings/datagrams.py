@@ -59,7 +59,7 @@ class Datagram:
     content: bytes
 
     def rows(self, layout: np.dtype, start: int = 0, count: int = 1) -> np.ndarray:
-        """(count,) of this layout, from a byte of the content on. Raises InputError: it is too short for these."""
+        """(count,) of this layout, from a byte of the content on."""
         end = start + count * layout.itemsize
         if end > len(self.content):
             raise InputError(f"has {len(self.content):,} bytes of content; wanted at least {end:,}")
@@ -181,8 +181,7 @@ class Swath:
 
 
 def swath_of(datagram: Datagram) -> Swath:
-    """Of a datagram of a kind in SWATHS. Raises InputError: it is shorter than its count of beams claims, or its units
-    are 0."""
+    """Of a datagram of a kind in SWATHS."""
     head_layout, layout = SWATHS[datagram.kind]
     head = datagram.rows(head_layout)[0]
     rows = datagram.rows(layout, head_layout.itemsize, int(head["beams"]))

@@ -45,7 +45,7 @@ class _Answer:
 
 
 def read_gsf(path: Path) -> RecordedLine:
-    """The line of a GSF file. Raises InputError: the library cannot read it, or it holds no ping with soundings."""
+    """The line of a GSF file."""
     _require_library()
     with unreadable():
         size = path.stat().st_size

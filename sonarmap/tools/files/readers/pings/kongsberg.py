@@ -55,7 +55,7 @@ class _Content:
 
 
 def read_all(path: Path) -> RecordedLine:
-    """The line of a .all file. Raises InputError: it has no soundings, or no positions."""
+    """The line of a .all file."""
     content = read_content(path)
     require_memory("the file, unpacked,", _GROWTH * len(content), "split it")
     found = _content(content)

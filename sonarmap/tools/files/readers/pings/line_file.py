@@ -13,7 +13,7 @@ from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pings.biases import Biases, corrected
 from sonarmap.slam.pings.pieces import cut, swath_width
 from sonarmap.spectral.scan import PosePrior, Scan
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.settings import by_the_maps_north, rounded_origin
@@ -53,8 +53,7 @@ FORMATS = {
 
 
 def read_line(path: Path, notes: list[str]) -> RecordedLine:
-    """The line of a file; its notes, with its name, are added to the list. Raises InputError: naming the file: it is
-    not what its suffix says, cannot be read, or holds no ping with soundings."""
+    """The line of a file; its notes, with its name, are added to the list."""
     require_file(path)
     with naming(path):
         return _line(path, notes)
@@ -154,9 +153,8 @@ def placed(
 ) -> tuple[tuple[Scan, ...], Georeference]:
     """Scans of lines in the world of an origin, or of the first patch, others as they were; and this world's
     georeference. Along a line the navigation's error is one: all of its patches together place it no better than one
-    fix does, and each has as much a larger sigma. `patches`: by scan, at least one. `sigmas`: standard deviations
-    [deg, m] by column of COLUMNS; None for those of usual instruments. Raises InputError: lines more than 200 km from
-    the origin."""
+    fix does, and each has as much a larger sigma. `patches`: by scan, at least one. `sigmas`: standard deviations [deg,
+    m] by column of COLUMNS; None for those of usual instruments."""
     numbers, known = list(patches), list(patches.values())
     geodetic = np.array([patch.geodetic for patch in known])
     here = origin or rounded_origin(geodetic, "patch", [])

@@ -11,7 +11,7 @@ import numpy as np
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.navigation.settings import rounded_origin
 
 NO_DRAUGHT = "Depths are below the transducer; the file does not give its draught (--draught M)."
@@ -61,7 +61,7 @@ class RecordedLine:
         return self.beams - len(self.points)
 
     def immersed(self, draught: float) -> "RecordedLine":
-        """The line with its transducer so deep below the water [m]. Raises InputError: the file says how deep it is."""
+        """The line with its transducer so deep below the water [m]."""
         if draught and self.below_water:
             raise InputError(f"{self.name} says how deep the transducer was; leave --draught out")
         return replace(self, fixes=self.fixes - [0.0, 0.0, draught])
@@ -71,8 +71,7 @@ class RecordedLine:
         return rounded_origin(self.fixes, "fix", [])
 
     def placed(self, georeference: Georeference) -> PingLine:
-        """The line in the frame of a map, headings by the North of the map's origin. Raises InputError: a fix more than
-        200 km from the origin."""
+        """The line in the frame of a map, headings by the North of the map's origin."""
         places = georeference.local(self.fixes)
         # meridians meet at the pole: the North of a place beside the origin is not the origin's
         ahead = georeference.local(self.fixes + _AHEAD) - places
@@ -103,9 +102,6 @@ def assembled(
         beams: of each ping, soundings in all.
         sound_speeds: of any pings [m/s].
         below_water: as `RecordedLine` has it.
-
-    Raises:
-        InputError: no ping has a stamp, a fix and soundings that can be.
     """
     order, faults = _usable(np.column_stack([stamps, fixes, attitudes, sensors]))
     notes = (*notes, *faults)

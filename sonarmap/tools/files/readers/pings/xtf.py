@@ -76,7 +76,7 @@ class Ranges:
 
 
 def ranges_of(packet: bytes) -> Ranges:
-    """What a packet says. Raises InputError: it is not whole."""
+    """What a packet says."""
     sections = _sections(packet)
     if not {b"H0", b"R0"} <= sections.keys() or not sections.keys() & {b"A0", b"A2"}:
         raise InputError(f"has sections {b' '.join(sections).decode('ascii', 'replace')}; wanted H0, R0 and A0 or A2")
@@ -168,7 +168,7 @@ class _Packets:
 
 
 def read_xtf(path: Path) -> RecordedLine:
-    """The line of an XTF file. Raises InputError: it has no pings of an R2Sonic, or no places on the Earth."""
+    """The line of an XTF file."""
     # Its layouts only. Its reader (xtf_read) unpickles a file that lies beside and is called NAME.pyxtf_idx, which
     # could run any program; it also never ends where a damaged packet says that it has no bytes.
     import pyxtf

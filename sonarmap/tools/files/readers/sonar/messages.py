@@ -195,8 +195,7 @@ class ShotQueue:
         self._frames, self._strengths = Remembered(), Remembered()
 
     def add_frame(self, frame: Frame) -> None:
-        """A range image has come. Raises InputError: its strength image came before, and does not fit; the shot is kept
-        without it."""
+        """A range image has come."""
         if not self._frames.is_new((frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))):
             self.doubled += 1
             return
@@ -211,7 +210,7 @@ class ShotQueue:
             self._join(arrival, image)
 
     def add_strength(self, image: rip.BitmapImageGreyscale8) -> None:
-        """A strength image has come. Raises InputError: it does not fit the range image of its shot."""
+        """A strength image has come."""
         number = image.header.sequence_id
         if not self._strengths.is_new((number, stamp_of(image) or zlib.crc32(image.image_pixel_data))):
             self.doubled += 1

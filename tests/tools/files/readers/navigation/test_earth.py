@@ -7,7 +7,7 @@ import pytest
 from pyproj import Geod, Transformer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.csv_table import degrees
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from tests.tools.files.readers.navigation.logs import START, read, require_words

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.pings.line_file import LineReading, line_clouds, read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.refusals import refuses

@@ -10,7 +10,7 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import values_of
-from sonarmap.tools.files.readers.sonar.imu import turn_rates
+from sonarmap.tools.files.readers.sonar.recording import turn_rates
 from tests.samples.recordings import START, imu_batch, imu_packets, range_image, read_sonar
 
 pytestmark = pytest.mark.filterwarnings("error")

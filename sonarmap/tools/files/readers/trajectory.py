@@ -38,8 +38,7 @@ ORTHONORMAL = 1e-3  # what rounding to few digits may do to R R^T: more is not a
 def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
     """The trajectories of one map's estimate and of its truth, whose poses belong together: by stamp in TUM files, by
     line in KITTI files (of that suffix, or of twelve columns). The truth is one file, or one for each dive in the map's
-    order, see `in_order`. Raises InputError: naming the file and the line that is not as it should be; or only one of
-    the two has stamps."""
+    order, see `in_order`."""
     stamped = not _is_kitti(estimate)
     for truth in truths:
         if stamped == _is_kitti(truth):
@@ -112,9 +111,7 @@ class TruePair:
 
 
 def read_gt_log(path: Path) -> tuple[TruePair, ...]:
-    """All pairs of the file, in its order. Raises InputError: naming the file and the line: numbers or a matrix that
-    are none, a matrix that is no rigid transform, a scan paired with itself, a pair that is there twice, in whichever
-    direction."""
+    """All pairs of the file, in its order."""
     lines = read_lines(path)
     starts = range(0, len(lines), _LINES)
     pairs = [_pair(path, lines[start : start + _LINES]) for start in starts]
@@ -151,8 +148,7 @@ def _pair(path: Path, block: list[Line]) -> TruePair:
 
 
 def read_graph_json(path: Path) -> PoseGraph:
-    """The graph as the map had it: poses, edges, priors, control points. Raises InputError: no such file, or one that
-    is not a map's graph.json."""
+    """The graph as the map had it: poses, edges, priors, control points."""
     content = read_json(path, "the graph.json of a map")
     try:
         if content["format"] != FORMAT:
@@ -167,7 +163,7 @@ def read_graph_json(path: Path) -> PoseGraph:
 
 
 def trajectory_of(poses: Any) -> Trajectory:
-    """The poses as graph.json lists them. Raises InputError: no rigid transform; ValueError, LookupError, TypeError."""
+    """The poses as graph.json lists them."""
     T = RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses])
     return Trajectory(np.array([pose["stamp"] for pose in poses], dtype=np.float64), T)
 
@@ -193,8 +189,7 @@ def _prior(row: dict[str, Any]) -> PosePrior:
 
 
 def read_lines(path: Path) -> list[Line]:
-    """The lines of a file that are neither blank nor comments ('#'), with their numbers. Raises InputError: the file
-    cannot be read, is empty, or its last line has no end and may have been cut."""
+    """The lines of a file that are neither blank nor comments ('#'), with their numbers."""
     content = read_content(Path(path))
     with naming(path):
         lines = [line for line in whole_lines(content, 1) if not line[1].lstrip().startswith(b"#")]
@@ -204,8 +199,7 @@ def read_lines(path: Path) -> list[Line]:
 
 
 def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
-    """Numbers in rows, as many as `layout` has words: (N, words) float64. Raises InputError: naming the line that has
-    more or fewer columns, something that is no number, NaN, infinity, or a number beyond its column's `largest_of`."""
+    """Numbers in rows, as many as `layout` has words: (N, words) float64."""
     try:
         rows = parse_rows(lines, len(layout.split()))
     except InputError as error:
@@ -241,8 +235,7 @@ def rotation_faults(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rigid_transform(rows: Any, what: str) -> RigidTransform:
-    """The transform of a matrix (4, 4) of `what`, its rotation the nearest one. Raises InputError: another shape,
-    numbers beyond any use, or no rigid transform; ValueError, TypeError: no numbers."""
+    """The transform of a matrix (4, 4) of `what`, its rotation the nearest one."""
     matrix = np.array(rows, np.float64)
     if matrix.shape != (4, 4):
         raise InputError(f"the matrix of {what} has shape {matrix.shape}; wanted (4, 4)")

@@ -26,7 +26,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.readers.clouds.rows import Line, shown
 from sonarmap.tools.files.readers.instruments import LARGEST_INFORMATION
-from sonarmap.tools.files.readers.poses.trajectory import finite_rows, read_lines, transforms
+from sonarmap.tools.files.readers.trajectory import finite_rows, read_lines, transforms
 from sonarmap.tools.files.user_file import naming
 
 VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
@@ -62,10 +62,6 @@ def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
     Edges whose information matrix is not positive definite are refused without `repairs`; else its eigenvalues below a
     millionth of the largest are raised to it, so that what the edge would push away from, or does not know, is as good
     as unknown, and what was done is added to `repairs`.
-
-    Raises InputError: naming the file and the line: an unknown tag, a wrong number, an id that is not a whole number or
-    stands twice, an edge, prior or FIX without its vertex, an information matrix that is not positive definite, or of a
-    prior indefinite, a zero quaternion, an offset other than the identity.
     """
     lines = _by_tag(path)
     if not lines[VERTEX]:
@@ -91,8 +87,7 @@ def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
 
 
 def require_connected(path: Path, graph: PoseGraph) -> None:
-    """Refuse a graph whose edges leave it in parts, which have no common frame. Raises InputError: naming the line of
-    the first vertex of the second part, the parts, and what to do."""
+    """Refuse a graph whose edges leave it in parts, which have no common frame."""
     parts = graph.components
     if len(parts) == 1:
         return

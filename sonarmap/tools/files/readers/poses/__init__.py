@@ -1,1 +1,0 @@
-"""Files of poses: TUM and KITTI trajectories, g2o pose graphs."""
