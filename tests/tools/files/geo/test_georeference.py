@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from pyproj import Geod, Transformer
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import Georeference, Projection, on_the_earth, utm_epsg
 from tests.samples.refusals import refuses
-from tests.tools.products.export.finished import georeferenced
 
 GEOD = Geod(ellps="WGS84")
 PLACES = [(60.0, 5.9999), (-70.1, -68.3), (-17.5, 179.9995), (89.0, 40.0)]
@@ -35,26 +33,6 @@ def test_ways_and_bearings_are_those_of_the_geodesic(place: tuple[float, float])
     bearing, _, way = GEOD.inv([place[1]] * 3, [place[0]] * 3, longitude, latitude)
     np.testing.assert_allclose(way, 600.0, atol=1e-4)
     np.testing.assert_allclose((np.array(bearing) - [30.0, -60.0, -90.0] + 180) % 360 - 180, 0, atol=1e-5)
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_projected_points_are_where_a_second_way_has_them(place: tuple[float, float]) -> None:
-    """Shifted and turned by convergence and scale about the origin, which holds close to it."""
-    here = Georeference(*place)
-    projection = Projection.of(here)
-    near = random_points(2, 20.0)
-    projected = projection.project(here.geodetic(near))
-    origin = here.geodetic(np.zeros((1, 3)))
-    convergence = np.radians(projection.convergence(origin)[0])
-    east, north, _ = (projected - projection.project(origin)).T
-    # a grid bearing plus the convergence is the true bearing
-    true = np.arctan2(east, north) + convergence
-    flat = np.hypot(east, north)
-    grid = np.hypot(near[:, 0], near[:, 1])
-    np.testing.assert_allclose(flat / grid, np.median(flat / grid), rtol=2e-5)
-    away = (true - np.arctan2(near[:, 0], near[:, 1]) + np.pi) % (2 * np.pi) - np.pi
-    np.testing.assert_allclose(away * grid, 0, atol=1e-3)
-    np.testing.assert_allclose(projection.unproject(projected), here.geodetic(near), atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -139,20 +117,6 @@ def test_a_crs_without_a_datum_is_called_so(crs: str) -> None:
 @pytest.mark.parametrize("wrong", [(91.0, 5.0), (5.0, 181.0), (np.nan, 0.0), (1.0, 2.0, np.inf), (1, 2, 3, "geoid")])
 def test_refuses_an_origin_that_is_no_place(wrong: tuple) -> None:
     refuses("wanted", Georeference, *wrong)
-
-
-def test_headings_turn_with_the_meridians() -> None:
-    here = Georeference(65.0, 5.0, heading=20.0)
-    turns = Rotation.from_euler("ZYX", [[10, 5, 3], [30, -4, 2]], degrees=True)
-    places = RigidTransform.from_components(np.array([[0.0, 0, 0], [800.0, 100, -5]]), turns)
-    earth = georeferenced(here, places)
-    for k in range(2):
-        forward = places[k].rotation.apply([1.0, 0, 0])
-        ahead = places[k].translation + 10 * forward * [1, 1, 0]
-        here_now, there = here.geodetic(np.stack([places[k].translation, ahead]))
-        bearing, _, _ = GEOD.inv(here_now[1], here_now[0], there[1], there[0])
-        x = earth.rotations[k].apply([1.0, 0, 0])
-        assert np.degrees(np.arctan2(x[0], x[1])) == pytest.approx(bearing, abs=1e-4)
 
 
 def test_json_keeps_it() -> None:

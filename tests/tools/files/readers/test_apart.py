@@ -13,7 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds import las as module
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.clouds.las import read_apart
-from sonarmap.tools.files.readers.scans import read_scans, read_survey
+from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.cloud_files import POINTS, las
 from tests.samples.places import ROOT
 from tests.samples.refusals import refuses
@@ -131,15 +131,3 @@ def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:
     assert (points, ended.stderr) == ("5", "")
     with pytest.raises(ProcessLookupError):
         os.kill(int(kept), 0)
-
-
-def test_plain_points_need_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise OSError(11, "Resource temporarily unavailable")
-
-    monkeypatch.setattr(module, "_kept", None)
-    monkeypatch.setattr(subprocess, "Popen", refused)
-    for name in ("a.las", "a.laz"):
-        (tmp_path / name).write_bytes(las(compressed=name == "a.laz"))
-    np.testing.assert_array_equal(read_scans([tmp_path / "a.las"]).scans[0].points, POINTS)
-    refuses(r"a\.laz: no process can be started to read it \(Resource temporarily", read_scans, [tmp_path / "a.laz"])

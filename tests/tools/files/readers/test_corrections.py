@@ -8,8 +8,8 @@ import pytest
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.scans import FRAMES, UNITS, Corrections, PointFrame, read_scans, read_survey
-from tests.samples.cloud_files import TABLE, npz
+from sonarmap.tools.files.readers.scans import FRAMES, Corrections, PointFrame, read_scans, read_survey
+from tests.samples.cloud_files import TABLE
 from tests.samples.recordings import range_image
 from tests.samples.refusals import refuses
 
@@ -99,25 +99,3 @@ def test_axes(axes: str) -> None:
     assert turned.viewpoints is not None
     np.testing.assert_array_equal(turned.viewpoints, [wanted])
     np.testing.assert_allclose(np.linalg.det(FRAMES[axes]), 1)  # no convention mirrors
-
-
-def test_units() -> None:
-    meters = {"m": 1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 0.30480061}
-    assert meters.keys() == UNITS.keys()
-    for unit, size in meters.items():
-        turned = PointFrame("flu", unit).turned(Cloud(np.array([[1000.0, -2000, 3000]])))
-        np.testing.assert_allclose(turned.points, np.multiply([[1000, -2000, 3000]], size), rtol=1e-8)
-
-
-def test_integers_and_what_is_not_finite() -> None:
-    turned = PointFrame("frd", "mm").turned(Cloud(np.array([[1500, 250, -750]], np.int16)))
-    np.testing.assert_allclose(turned.points, [[1.5, -0.25, 0.75]])
-    points = PointFrame("ned").turned(Cloud(np.array([[np.nan, 1.0, 2.0], [1, np.inf, 3]]))).points
-    np.testing.assert_array_equal(np.isfinite(points), [[True, False, True], [False, True, True]])
-
-
-def test_any_format_can_be_scaled(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", TABLE)
-    (tmp_path / "b.npz").write_bytes(npz(points=TABLE[:, :3]))
-    for scan in read_scans([tmp_path], Corrections(scale=0.5)).scans:
-        np.testing.assert_array_equal(scan.points, TABLE[:, :3] / 2)

@@ -272,12 +272,6 @@ def test_a_replay_of_nothing_that_can_be_read_is_refused(tmp_path: Path) -> None
         next(replayed([str(path)], AS_RECORDED, 0.0, lambda: False))
 
 
-def test_names_go_on_after_a_mark(tmp_path: Path) -> None:
-    path = written(tmp_path / "dive.sonar", list(recording(5)))
-    came = followed(path)
-    assert [each.scan.name for each in followed(path, after=came[2].behind)] == ["dive#3", "dive#4"]
-
-
 def test_within_a_file_of_several_scans_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scans = [Scan(scan(k)[:60], stamp=float(k)) for k in range(4)]
     monkeypatch.setattr(module, "_read", lambda *_: scans)

@@ -208,16 +208,6 @@ class TestHostileHeaders:
             self.refused(tmp_path, "a.laz: it.*(cut or damaged|takes more memory)", "<I", place, number)
 
 
-def test_integer_columns_of_a_ply_are_coordinates_too(tmp_path):
-    header = "ply\nformat {} 1.0\nelement vertex 2\nproperty int x\nproperty uchar y\nproperty short z\nend_header\n"
-    words = np.array([(-70000, 200, -300), (5, 6, 7)], [("x", "<i4"), ("y", "u1"), ("z", "<i2")])
-    binary = header.format("binary_little_endian").encode() + words.tobytes()
-    plain = header.format("ascii").encode() + b"-70000 200 -300\n5 6 7\n"
-    for content in (binary, plain):
-        scan = read_scan(put(tmp_path / "scan.ply", content))
-        np.testing.assert_array_equal(scan.points, [[-70000, 200, -300], [5, 6, 7]])
-
-
 def test_three_columns_carry_no_strength(tmp_path):
     for name, content in {"a.xyz": text(columns=(0, 1, 2)), "b.npy": npy(POINTS), "c.npz": npz(points=POINTS)}.items():
         scan = read_scan(put(tmp_path / name, content))

@@ -139,15 +139,6 @@ def test_a_count_of_thousands_of_digits_is_shortened(tmp_path):
     refused(tmp_path, ".ply", content, r"line 4: the header promises '9{40}\.\.\.' of vertex; wanted a count >= 0$")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", sorted(FORMATS))
-@pytest.mark.parametrize("sample", NAMES)
-def test_a_file_by_a_wrong_name_is_refused_and_told_what_it_is(tmp_path, suffix, sample):
-    right, content = SAMPLES[sample]
-    if FORMATS[suffix].kind != FORMATS[right].kind:
-        refused(tmp_path, suffix, content, f"holds {re.escape(FORMATS[right].kind)}.*rename it")
-
-
 @pytest.mark.parametrize("sample", [name for name in NAMES if name != "sonar"])
 def test_the_last_line_of_a_text_must_end(tmp_path, sample):
     suffix, content = SAMPLES[sample]

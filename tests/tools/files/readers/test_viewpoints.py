@@ -1,6 +1,5 @@
 """Viewpoints per point: from fields of the file, or from the points' times and a trajectory beside it."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.lab.simulate.folder import write_simulation
-from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS
-from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
-from tests.samples.cloud_files import POINTS, STRENGTH, TABLE, npz, pcd, ply, put
+from tests.samples.cloud_files import POINTS, STRENGTH, npz, pcd, ply, put
 from tests.samples.refusals import refuses
 
 VIEWPOINTS = np.array([[0, 0, 0], [0.5, 0, -1], [1, 2, 3], [4, 5, 6], [-7, 8, 9.5]], np.float32)
@@ -70,20 +66,6 @@ class TestFields:
     def test_two_coordinates_of_three(self, tmp_path: Path) -> None:
         write_ply(tmp_path / "a.ply", POINTS, {"vp_x": TIMES, "vp_z": TIMES})
         refuses("only vp_x and vp_z; a viewpoint needs all three", read_scan, tmp_path / "a.ply")
-
-    def test_a_file_without_them_has_none(self, tmp_path: Path) -> None:
-        for name, content in {"a.ply": ply(), "b.pcd": pcd("binary"), "c.npz": npz(points=TABLE)}.items():
-            (tmp_path / name).write_bytes(content)
-            assert read_scan(tmp_path / name).viewpoints is None
-
-    @pytest.mark.slow
-    def test_a_simulation_with_viewpoints_comes_back_from_its_folder(self, tmp_path: Path) -> None:
-        sensor = replace(SENSORS["sonar3d15"], max_range=80.0)
-        simulation = simulate(SimulationSettings(count=2, sensor=sensor, seed=11))
-        scans = [replace(scan, viewpoints=(scan.points / 10).astype(np.float32)) for scan in simulation.scans]
-        write_simulation(replace(simulation, scans=tuple(scans)), tmp_path)
-        for scan, again in zip(scans, read_scans([tmp_path]).scans, strict=True):
-            np.testing.assert_array_equal(again.viewpoints, scan.viewpoints)
 
 
 class TestTrajectoryBeside:

@@ -21,10 +21,9 @@ from sonarmap.tools.files.readers.bags.recording import Unpacker
 from sonarmap.tools.files.readers.clouds import rows as bounds
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.bags.messages import CLOUD, cloud
-from tests.samples.bags.samples import recordings
+from tests.samples.bags.samples import dive, recordings
 from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import put
-from tests.samples.damage.bag_metadata import METADATA, damage_metadata, two_files
 from tests.samples.processor_time import quick, thrifty
 from tests.samples.refusals import refuses
 
@@ -223,18 +222,21 @@ def test_lengths_in_a_ros_1_bag_without_end(tmp_path: Path, kind: str) -> None:
             )
 
 
-@pytest.mark.parametrize(("count", "seed"), [(100, 3), pytest.param(1000, 4, marks=pytest.mark.slow)])
-def test_damaged_metadata(tmp_path: Path, count: int, seed: int) -> None:
-    ends, faults = damage_metadata(tmp_path, count, seed)
-    print(dict(ends))
-    assert faults == []
-    assert sum(ends.values()) == count
-    assert ends["whole"] > 0.5 * count
-    assert ends["fewer scans"] > 0
-
-
+METADATA = "metadata.yaml"
 NAMES = "- dive.db3\n  - dive_1.mcap\n"
 UNREADABLE = "metadata.yaml cannot be read; all recordings of the folder are taken"
+
+
+def two_files(folder: Path, name: str) -> Path:
+    """A bag whose recorder went on in a second file: its mounting is in the first alone."""
+    records = [record for record in dive() if record[0] != "/odom"]
+    bag = write_ros2(folder / name, records[:3])
+    write_mcap(bag / f"{name}_1.mcap", records[3:])
+    text = (bag / METADATA).read_text()
+    named = f"- {name}.db3\n"
+    assert named in text
+    (bag / METADATA).write_text(text.replace(named, f"{named}  - {name}_1.mcap\n", 1))
+    return bag
 
 
 @pytest.mark.parametrize(
@@ -258,14 +260,6 @@ def test_metadata_that_say_something_else(tmp_path: Path, old: str, new: str, sh
     assert not read.unread
     assert [scan.stamp for scan in read.scans] == TIMES[:shots]
     assert not note or f"dive: {note}" in read.notes
-
-
-@pytest.mark.slow
-def test_many_chunks_of_next_to_nothing(tmp_path: Path) -> None:
-    """Each of them believable, and together a minute of work in 80 KB."""
-    path = put(tmp_path / "a.mcap", recordings()["mcap plain"][1][:8] + 450 * packed_chunk(EMPTY_RECORD, 131_000))
-    with quick(), pytest.raises(InputError, match="it holds more than the 72 records that may still come"):
-        read_scans([path])
 
 
 @pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])

@@ -89,14 +89,6 @@ class TestUncertainty:
         refuses(r"mounted at a tilt of 40 degrees.*columns of roll and pitch", parse_mount("0,-40,0").of_sensor, alone)
         assert parse_mount("0,-20,0").of_sensor(alone).knows_heading
 
-    def test_what_was_not_measured_stays_unknown(self) -> None:
-        prior = parse_mount("0,-30,0,1,0,0").of_sensor(vehicle(1, 2, 30, np.nan, np.nan, np.nan))
-        np.testing.assert_array_equal(np.isfinite(prior.sigmas), [1, 1, 1, 0, 0, 0])
-
-    def test_nothing_changes_without_an_arm(self) -> None:
-        prior = parse_mount("0,0,0").of_sensor(vehicle(0, 0, 0, 0, 0, 0, sigmas=np.array([2.0, 2, 3, 0.5, 0.5, 0.1])))
-        np.testing.assert_allclose(sigmas_of(prior), [2, 2, 3, 0.5, 0.5, 0.1])
-
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "400,0,0", "0,0,0,0,0,200"])
 def test_what_is_no_mount(text: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import PosePrior, Scan
-from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, poses_of, prior_of, sigmas_of, values_of
+from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, poses_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, Mount, NavigationSettings, parse_columns
 from sonarmap.tools.files.writers.tables import write_priors
@@ -51,17 +51,6 @@ class TestConventions:
         T = poses_of(np.array([[11.0, -23.0, 137.0, 4.0, 5.0, 6.0]]))[0]
         np.testing.assert_allclose(T.rotation.as_matrix(), R_enu_ned @ R_ned_frd @ R_frd_flu, atol=1e-14)
         np.testing.assert_array_equal(T.translation, [4.0, 5.0, -6.0])
-
-    def test_the_values_come_back(self) -> None:
-        rng = np.random.default_rng(1)
-        for values in rng.uniform([-180, -89, 0, -9, -9, -9], [180, 89, 360, 9, 9, 9], (50, 6)):
-            np.testing.assert_allclose(values_of(poses_of(values[None])[0]), values, atol=1e-9)
-
-    def test_sigmas_keep_their_columns_and_change_their_unit(self) -> None:
-        assert SIGMA_COLUMNS[0] == "roll_sigma_deg"
-        assert SIGMA_COLUMNS[5] == "depth_sigma_m"
-        prior = prior_of(np.zeros(6), np.array([1.0, 2, 3, 4, 5, 6]))
-        np.testing.assert_allclose(prior.sigmas, [*np.deg2rad([1, 2, 3]), 4, 5, 6])
 
 
 class TestRows:
@@ -109,10 +98,6 @@ class TestRows:
         )
         np.testing.assert_array_equal(told(first).sigmas, [np.inf, np.inf, np.inf, 7, 8, 0.3])
         np.testing.assert_array_equal(told(second).sigmas, [np.inf, np.inf, np.inf, 5, 9, 0.3])
-
-    def test_comments_blank_lines_and_a_spreadsheets_marks_are_no_matter(self, path: Path) -> None:
-        text = "\ufeff" + FIRST.replace("\n", "\r\n") + "# a comment\r\n\r\n,,,,\r\n  \r\n" + '"first",1,1,1,1\r\n'
-        assert told(read(path, text)[0]).knows_depth
 
     def test_rows_of_other_scans_are_passed_over_where_these_may_be(self, path: Path) -> None:
         scans = read(path, FIRST + "else,1,1,1,1\nfirst,1,1,1,1\n", allow_unknown=True)
@@ -169,20 +154,8 @@ class TestRefusals:
         scans = (Scan(POINTS, name="a"), Scan(POINTS, name="b"))
         refuses("line 2: the stamp '0' fits 2 scans, among them a and b", navigate, scans, path)
 
-    def test_files(self, path: Path, tmp_path: Path) -> None:
-        refuses("cannot read", navigate, SCANS, tmp_path / "missing.csv")
-        path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
-        refuses(r"line 2 .* UTF-8", navigate, SCANS, path)
-
 
 class TestOffices:
-    def test_times_of_iso_8601(self, path: Path) -> None:
-        scans = (Scan(POINTS, name="a", stamp=1782898200.0), Scan(POINTS, name="b", stamp=1782898205.5))
-        path.write_text("stamp;depth_m;depth_sigma_m\n2026-07-01T09:30:00Z;1;1\n2026-07-01T11:30:05.500+02:00;2;1\n")
-        first, second = navigate(scans, path).scans
-        assert told(first).T_world_sensor.translation[2] == -1
-        assert told(second).T_world_sensor.translation[2] == -2
-
     def test_a_last_line_without_a_break_is_read_and_noted(self, path: Path) -> None:
         notes: list[str] = []
         assert read(path, FIRST + "first,12.5,1.5,-3.25,0.1", notes=notes)[0].prior is not None

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from sonarmap.tools.files.readers.navigation.time_offset import estimate_offset, heading_rates, why_apart
@@ -207,29 +206,6 @@ def test_numbered_scans_and_clocks_from_zero() -> None:
     counted, dated = np.arange(5.0), START + np.arange(5.0)
     assert "the scans are numbered" in why_apart(dated, counted)
     assert "counts from a start of its own" in why_apart(counted, dated)
-
-
-@pytest.mark.slow
-def test_many_draws_are_right_or_refused() -> None:
-    """Dives of any length, calm or not, instruments of any rate: whatever is not refused is within 0.1 s."""
-    sigmas: list[float] = []
-    for seed in range(120):
-        rng = np.random.default_rng([29, seed])
-        times, rates = turning(rng, float(rng.uniform(60, 600)))
-        rates = rates * rng.uniform(0.1, 1)
-        offset = float(rng.uniform(-40, 40))
-        a, b = (
-            sampled(times, rates, float(rng.choice([0.05, 0.1, 0.5, 1.0])), float(rng.choice([0.002, 0.01, 0.02])), rng)
-            for _ in range(2)
-        )
-        try:
-            estimate = estimate_offset(a[0] - offset, a[1], *b)
-        except InputError:
-            continue
-        assert abs(estimate.seconds - offset) < 0.1, (seed, estimate, offset)
-        sigmas.append((estimate.seconds - offset) / estimate.sigma)
-    assert 15 < len(sigmas) < 110
-    assert np.sqrt(np.mean(np.square(sigmas))) < 1.2
 
 
 def test_offsets_beyond_the_limit_are_refused() -> None:

@@ -11,7 +11,6 @@ import pytest
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.recording import stream_sonar
-from tests.samples.damage.recordings import damage_recordings
 from tests.samples.places import ROOT
 from tests.samples.processor_time import processor_time
 from tests.samples.recordings import damage_a_shot, disturbed, recording, written
@@ -60,22 +59,3 @@ def main() -> None:
     seconds = processor_time() - start
     peak = peak_memory()
     print(json.dumps([digests, seconds, peak, notes]))
-
-
-def check(ends: dict[str, int], faults: list[str], longest: float, count: int) -> None:
-    assert faults == []
-    assert sum(ends.values()) == count
-    assert all(ends[end] > 0 for end in ("refused", "fewer shots", "whole"))
-    assert "refused without a word" not in ends
-    assert longest < LONGEST
-
-
-def test_a_few_damaged_recordings_are_refused_or_right(tmp_path: Path) -> None:
-    check(*damage_recordings(tmp_path, 60, seed=2), count=60)
-
-
-@pytest.mark.slow
-def test_thousands_of_damaged_recordings_are_refused_or_right() -> None:
-    outcome = json.loads(run("from tests.samples.damage.recordings import main; main()", "2000"))
-    print(outcome)
-    check(*outcome, count=2000)

@@ -165,17 +165,6 @@ class TestNumbers:
         assert all(cloud.strength is not None for cloud in clouds)
         assert not any("late" in note for note in notes)
 
-    def test_a_short_recording_after_another(self) -> None:
-        """Their numbers are the same, their times are not."""
-        rng = np.random.default_rng(3)
-        packets = [packet for shot in range(12) for packet in shot_packets(shot, shot % 6, rng)]
-        clouds, notes = noted(content(packets))
-        assert np.all(np.diff([cloud.stamp or 0 for cloud in clouds]) > 0)
-        assert all(cloud.strength is not None for cloud in clouds)
-        assert [note.partition(": ")[2] for note in notes] == [
-            "the numbers of the shots start again once: the sonar was restarted, or recordings were put together"
-        ]
-
     def test_a_shot_that_comes_up_to_sixteen_shots_late_is_in_order(self) -> None:
         clean = list(recording(60))
         for late in (1, 5, 16):
@@ -200,13 +189,6 @@ class TestNumbers:
         clouds, notes = noted(packets + packets)
         assert len(clouds) == 50
         assert numbers_in(notes, "doubled") == [100]
-
-    def test_numbers_that_stand_still(self) -> None:
-        rng = np.random.default_rng(4)
-        packets = [packet for shot in range(30) for packet in shot_packets(shot, 0, rng)]
-        clouds = read_sonar(content(packets))
-        assert len(clouds) == 30
-        assert all(cloud.strength is not None for cloud in clouds)
 
     def test_shots_without_numbers_and_times(self) -> None:
         """Only what is the same to the bit is doubled."""
