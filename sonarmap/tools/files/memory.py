@@ -59,8 +59,7 @@ def room_for_arrays() -> int:
 
 
 def require_program() -> None:
-    """Refuse a limit in which the program itself does not fit: drivers end the whole process where memory ends. Raises
-    InputError: naming the limit."""
+    """Refuse a limit in which the program itself does not fit: drivers end the whole process where memory ends."""
     needed = {_SHELL: (_ADDRESSES, "addresses"), _CONTAINER: (_PROGRAM, "memory")}
     for name, (limit, _) in memory_limits().items():
         least, what = needed[name]

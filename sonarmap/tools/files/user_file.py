@@ -94,8 +94,7 @@ def read_content(path: Path, pipe: bool = False) -> bytes:
 
 def require_file(path: Path, pipe: bool = False) -> None:
     """Refuse a device, which may never end, and a pipe, for which one may wait for ever, before it is opened; with
-    `pipe` one that the command was given will do. A folder, and what is not there, are left to who opens it. Raises
-    InputError: it is one of these, or a name that no file can have."""
+    `pipe` one that the command was given will do. A folder, and what is not there, are left to who opens it."""
     try:
         mode = path.stat().st_mode
     except OSError:

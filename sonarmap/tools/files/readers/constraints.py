@@ -135,9 +135,7 @@ def read_control(
 ) -> Control:
     """The control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL, EARTH
     or GRID, and one of UP; if need be SPREADS [m] and `use`, control or check. The georeference is that of the map so
-    far; where it is None the first latitude and longitude are it, rounded. `crs` is of eastings and northings. Raises
-    InputError: naming the file and the line: a column or cell that cannot be used, or two rows that contradict each
-    other; or that the map's x axis is not to be East."""
+    far; where it is None the first latitude and longitude are it, rounded. `crs` is of eastings and northings."""
     if georeference is not None and georeference.heading != 90.0:
         raise InputError(
             "--origin-heading has no effect where control points place the map, whose x is East; leave it out"

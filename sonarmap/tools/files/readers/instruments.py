@@ -40,8 +40,7 @@ def largest_of(column: str) -> float:
 
 
 def check_measured(column: str, number: float) -> None:
-    """Refuse a number of a column, in its unit, that no instrument gives; NaN says that nothing was measured. Raises
-    InputError: it is too large, or a standard deviation that is not above 0, or next to 0."""
+    """Refuse a number of a column, in its unit, that no instrument gives; NaN says that nothing was measured."""
     if column in SIGMA_COLUMNS and number < LEAST_SIGMA:
         raise InputError(f"{column} is {number:g}; wanted a standard deviation above 0, at least {LEAST_SIGMA:g}")
     if abs(number) > (largest := LARGEST_OF.get(column, LARGEST)):

@@ -158,8 +158,7 @@ def read_survey(
     counted. A scan is named after its file, and `recording#3` if the file holds several; files of the same name in
     several folders keep their paths. The priors.csv of a folder or pattern is skipped, and so are the files in
     `not_scans`. The points of large surveys are on disk (`PointStore`). `progress` is called with (files read, files in
-    all, the file's name), and within a file every so many scans. `corrections` is done to the points of each. Raises
-    InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
+    all, the file's name), and within a file every so many scans. `corrections` is done to the points of each.
     """
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)

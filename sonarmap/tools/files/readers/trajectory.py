@@ -219,8 +219,7 @@ def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
 
 
 def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransform:
-    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but (nearly) zero. Raises
-    InputError: naming the line of a zero quaternion."""
+    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but (nearly) zero."""
     zero = np.flatnonzero(np.linalg.norm(rows[:, 3:], axis=1) < LEAST_SIGMA)
     if len(zero):
         raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; no rotation is 0 0 0 1")

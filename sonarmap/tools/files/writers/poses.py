@@ -6,7 +6,6 @@ TUM has a pose per line, `stamp tx ty tz qx qy qz qw`. What the numbers of g2o m
 from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -20,16 +19,11 @@ from sonarmap.tools.files.readers.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATI
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
 
-if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
-    from sonarmap.slam.graph.trajectory import Trajectory
-
 HEADER = "# stamp [s] tx ty tz [m] qx qy qz qw: T_world_sensor\n"
 _NONE: Mapping[int, Edge] = MappingProxyType({})
 
 
-def write_tum(path: Path, trajectory: "Trajectory") -> None:
+def write_tum(path: Path, trajectory: Trajectory) -> None:
     """Write T_world_sensor and the stamps."""
     poses = (" ".join(f"{x:.17g}" for x in pose) for pose in pose_numbers(trajectory.T_world_sensor).tolist())
     # repr is the shortest text that reads back as the same float64: microseconds of today's epoch seconds survive
@@ -38,7 +32,7 @@ def write_tum(path: Path, trajectory: "Trajectory") -> None:
         temporary.write_text("".join([HEADER, *rows]))
 
 
-def pose_numbers(T: "RigidTransform") -> np.ndarray:
+def pose_numbers(T: RigidTransform) -> np.ndarray:
     """(N, 7) float64: x y z [m] and the quaternion x y z w, w >= 0, of N transforms."""
     return np.hstack([T.translation, T.rotation.as_quat(canonical=True)])
 

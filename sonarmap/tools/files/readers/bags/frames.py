@@ -106,8 +106,7 @@ class Frames:
         self._known: dict[str, RigidTransform] = {}
 
     def T_base(self, frame: str) -> RigidTransform:
-        """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up. Raises
-        InputError: the transforms of tf_static between the two are damaged."""
+        """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up."""
         if frame not in self._known:
             self._known[frame] = self._to_base(frame)
         return self._known[frame]
@@ -146,8 +145,7 @@ class Frames:
 
 def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> Trajectory:
     """Where dead reckoning had the vehicle: T_odom_base with stamps that ascend; of base_link where tf_static has the
-    frame that moves. `topic`: of nav_msgs/Odometry; None for the only one, or for tf where there is none. Raises
-    InputError: naming the file: there is no odometry in it, or several of which none is named."""
+    frame that moves. `topic`: of nav_msgs/Odometry; None for the only one, or for tf where there is none."""
     with naming(path):
         faults: list[str] = []
         recording = open_recording(path, faults)

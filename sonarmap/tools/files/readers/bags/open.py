@@ -64,8 +64,7 @@ def is_recording(path: Path) -> bool:
 
 
 def open_recording(path: Path, notes: list[str]) -> Recording:
-    """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list. Raises
-    InputError: it is damaged, or there is no message in it."""
+    """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list."""
     return _open_folder(path, notes) if path.is_dir() else _open_file(path, path.stat().st_size)
 
 
@@ -322,8 +321,7 @@ class _Chunks:
 
 
 def _count_records(plain: bytes, most: int) -> int:
-    """How many records a chunk has: each is a byte of its kind, eight of its length, and its content. Raises
-    InputError: more than `most`."""
+    """How many records a chunk has: each is a byte of its kind, eight of its length, and its content."""
     place = count = 0
     while place < len(plain):
         place += 9 + int.from_bytes(plain[place + 1 : place + 9], "little")

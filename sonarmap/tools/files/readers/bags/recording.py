@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from io import BufferedReader, FileIO
+from io import BufferedReader, BytesIO, FileIO
 from pathlib import Path
 from typing import Any
 from weakref import finalize
@@ -168,40 +168,31 @@ class Unpacker:
             raise InputError(f"its {self.size:,} bytes unpack to more than {self.plain:,}, {_NO_RECORDING}")
         most = min(LARGEST, most_unpacked(len(content)))
         plain = bytearray()
-        for piece in _pieces(content, compression):
-            plain += piece
-            self.plain += len(piece)
-            if len(plain) > most:
-                raise InputError(
-                    f"{len(content):,} bytes of {compression} unpack to more than {most:,}, {_NO_RECORDING}"
-                )
+        with _stream(content, compression) as stream:
+            while piece := stream.read(_PIECE):
+                plain += piece
+                self.plain += len(piece)
+                if len(plain) > most:
+                    raise InputError(
+                        f"{len(content):,} bytes of {compression} unpack to more than {most:,}, {_NO_RECORDING}"
+                    )
         return bytes(plain)
 
 
-def _pieces(content: bytes, compression: str) -> Iterator[bytes]:
-    """The plain bytes, _PIECE at a time: the libraries take room for as much as they are asked for."""
-    if compression == "zstd":
-        import zstandard
+def _stream(content: bytes, compression: str) -> Any:
+    """What gives the plain bytes piece by piece: the libraries take room for as much as they are asked for."""
+    match compression:
+        case "zstd":
+            import zstandard
 
-        with zstandard.ZstdDecompressor().stream_reader(content, read_across_frames=True) as stream:
-            while piece := stream.read(_PIECE):
-                yield piece
-        return
-    if compression == "bz2":
-        decompressor = bz2.BZ2Decompressor()
-    elif compression == "lz4":
-        import lz4.frame
+            return zstandard.ZstdDecompressor().stream_reader(content, read_across_frames=True)
+        case "bz2":
+            return bz2.BZ2File(BytesIO(content))
+        case "lz4":
+            import lz4.frame
 
-        decompressor = lz4.frame.LZ4FrameDecompressor()
-    else:
-        raise InputError(f"its compression is {compression[:40]!r}; wanted bz2, lz4 or zstd: write the recording again")
-    yield decompressor.decompress(content, max_length=_PIECE)
-    while not decompressor.eof:
-        if decompressor.needs_input:
-            raise InputError(
-                f"{len(content):,} bytes of {compression} end too early: the recording is cut; copy it again"
-            )
-        yield decompressor.decompress(b"", max_length=_PIECE)
+            return lz4.frame.LZ4FrameFile(BytesIO(content))
+    raise InputError(f"its compression is {compression[:40]!r}; wanted bz2, lz4 or zstd: write the recording again")
 
 
 class HeldBytes(BufferedReader):

@@ -45,8 +45,7 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     """The columns of a file by its headings. A file is of this program's own kind if all columns that say something
     have exactly its names (`stamp`, `depth_m`, ...) and none is mapped by the user: then any other column is taken for
     a misspelled one and refused. In a log other columns are left out, but for those nearly spelled as an own one.
-    `sigmas` are {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed. Raises
-    InputError: a column that may be two things, is there twice, or is missing."""
+    `sigmas` are {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed."""
     notes: list[str] = []
     mapped = _mapped(header, settings, notes)
     taken = {column.index for column in mapped.values()}

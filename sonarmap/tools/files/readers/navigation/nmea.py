@@ -66,8 +66,7 @@ class _Sentences:
 
 def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
     """The places and headings of a file of sentences, with standard deviations as receivers and gyrocompasses usually
-    err, unless the settings have others. `scans`: (N,) stamps of the scans [s], for sentences without a date. Raises
-    InputError: it cannot be read, has neither places nor headings at times, or its talkers contradict each other."""
+    err, unless the settings have others. `scans`: (N,) stamps of the scans [s], for sentences without a date."""
     settings.refuse_unused(path, "holds NMEA sentences")
     read = _Sentences(settings.talkers)
     with reading(path), path.open(encoding="latin-1") as file:

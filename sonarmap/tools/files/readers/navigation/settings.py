@@ -80,8 +80,7 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class NavigationSettings:
-    """How to read navigation; the defaults suit a file with the columns and signs of docs/navigation.md. Raises
-    InputError: a name that is not known, or a number that is not finite."""
+    """How to read navigation; the defaults suit a file with the columns and signs of docs/navigation.md."""
 
     # {quantity: the heading of its column}, where the headings do not say it
     columns: MappingProxyType[str, str] = field(default_factory=lambda: _NOTHING)
@@ -197,8 +196,7 @@ def local_places(
     values: np.ndarray, are_degrees: bool, settings: NavigationSettings, notes: list[str]
 ) -> tuple[np.ndarray, Georeference]:
     """Rows with x East and y North of the map's origin, and where that is. `values`: (n, 6) in the order of COLUMNS,
-    with longitude and latitude [deg] (`are_degrees`) or easting and northing [m] in place of x and y. Raises
-    InputError: a place that the CRS does not cover, or far from the others."""
+    with longitude and latitude [deg] (`are_degrees`) or easting and northing [m] in place of x and y."""
     values = values.copy()
     known = np.isfinite(values[:, 3:5]).all(axis=1)
     if are_degrees:

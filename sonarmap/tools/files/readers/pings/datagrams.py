@@ -30,15 +30,8 @@ _X = " z:f4 y:f4 x:f4 window:u2 quality:u1 adjustment:i1 detection:u1 cleaning:i
 _FIX, _RAY = " latitude:i4 longitude:i4 ", " depression:f4 azimuth:f4 range:f4 "
 _MB_HEAD = _FIX + "heading:u2 heave:i2 roll:i2 pitch:i2 speed:u2" + _X_HEAD
 _IN_UNITS, _BY_MB_SYSTEM = "D\xe1", "\xe1\xe3\xe5"
-_DEEP = {
-    120,
-    300,
-    9901,
-    9902,
-    9903,
-    9904,
-    9905,
-}  # their depths in D are unsigned; MB-System's for the EM12, 121, 100, 1000
+# Models whose depths in D are unsigned; the last are MB-System's for the EM12, 121, 100, 1000
+_DEEP = {120, 300, *range(9901, 9906)}
 # An EM3000D: its second head, with beams from 128 on, is deeper by what stands for the sampling rate [cm]. That of the
 # model 3002 is no difference.
 _TWO_HEADS, _SECOND = range(3003, 3009), 128
@@ -160,24 +153,15 @@ SWATHS = {
 
 @dataclass(frozen=True, slots=True)
 class Swath:
-    """One ping.
+    """One ping."""
 
-    Attributes:
-        heading: of the vessel [rad].
-        sound_speed: at the transducer [m/s].
-        depth: of the transmit transducer below the water's level [m].
-        fix: latitude and longitude [deg] that MB-System has for it, or what it writes where it has none; NaN of others.
-        points: (n, 3) float64 [m], not rejected: forward, to port and up from the position's reference point and that
-            transducer's depth.
-        beams: soundings in all.
-    """
-
-    heading: float
-    sound_speed: float
-    depth: float
-    fix: tuple[float, float]
+    heading: float  # of the vessel [rad]
+    sound_speed: float  # at the transducer [m/s]
+    depth: float  # of the transmit transducer below the water's level [m]
+    fix: tuple[float, float]  # latitude, longitude [deg] that MB-System has, or what it writes for none; NaN of others
+    # (n, 3) float64 [m], not rejected: forward, to port and up from the position's reference point and that depth
     points: np.ndarray
-    beams: int
+    beams: int  # soundings in all
 
 
 def swath_of(datagram: Datagram) -> Swath:

@@ -24,36 +24,22 @@ _WIDEST = 1.0  # degrees of latitude or longitude between them
 
 @dataclass(frozen=True, slots=True)
 class RecordedLine:
-    """Pings and soundings of one file, not yet placed in a map; frames of the pings are those of `PingLine`.
+    """Pings and soundings of one file, not yet placed in a map; frames of the pings are those of `PingLine`."""
 
-    Attributes:
-        name: what to call it in messages and tables.
-        echo_sounder: what recorded it, as the file says; "" if it does not.
-        stamps: (P,) float64 [s, UTC], ascending, P >= 1.
-        fixes: (P, 3) float64 latitude, longitude [deg, WGS84] and height [m] of the pings' frames. The height is Up, of
-            the level from which the recording counts depths above the vertical reference; 0 where it does not say.
-        attitudes: (P, 3) float64 [rad]: roll, starboard side down; pitch, bow up; heading, clockwise from true North.
-        sensors: (P, 3) float64 [m], where the transducer was, in the pings' frames.
-        pings: (N,) int64, ascending: the ping of each sounding.
-        points: (N, 3) float64 [m], soundings that were not rejected, in the frames of their pings.
-        beams: how many soundings the pings have in all, rejected ones counted.
-        sound_speed: at the transducer [m/s], the median; None if the file does not say.
-        notes: what the user should know of the file.
-        below_water: whether depths count from the water, and not from the transducer.
-    """
-
-    name: str
-    echo_sounder: str
-    stamps: np.ndarray
+    name: str  # in messages and tables
+    echo_sounder: str  # as the file says; "" if it does not
+    stamps: np.ndarray  # (P,) float64 [s, UTC], ascending, P >= 1
+    # (P, 3) float64 latitude, longitude [deg, WGS84] and height [m] of the pings' frames: of the level from which the
+    # recording counts depths, above the vertical reference; 0 where it does not say
     fixes: np.ndarray
-    attitudes: np.ndarray
-    sensors: np.ndarray
-    pings: np.ndarray
-    points: np.ndarray
-    beams: int
-    sound_speed: float | None
-    notes: tuple[str, ...]
-    below_water: bool = True
+    attitudes: np.ndarray  # (P, 3) float64 [rad]: roll, starboard down; pitch, bow up; heading, clockwise from North
+    sensors: np.ndarray  # (P, 3) float64 [m], where the transducer was, in the pings' frames
+    pings: np.ndarray  # (N,) int64, ascending: the ping of each sounding
+    points: np.ndarray  # (N, 3) float64 [m], soundings that were not rejected, in the frames of their pings
+    beams: int  # soundings in all, rejected ones counted
+    sound_speed: float | None  # at the transducer [m/s], the median; None if the file does not say
+    notes: tuple[str, ...]  # what the user should know of the file
+    below_water: bool = True  # whether depths count from the water, and not from the transducer
 
     @property
     def rejected(self) -> int:
@@ -94,15 +80,9 @@ def assembled(
     notes: Sequence[str],
     below_water: bool = True,
 ) -> RecordedLine:
-    """The line of P pings in the order of their stamps, without what cannot be: numbers may be NaN or wrong.
-
-    Args:
-        stamps, fixes, attitudes, sensors: as `RecordedLine` has them, in any order.
-        points: of each ping (n, 3) float64 [m], those that are not rejected.
-        beams: of each ping, soundings in all.
-        sound_speeds: of any pings [m/s].
-        below_water: as `RecordedLine` has it.
-    """
+    """The line of P pings in the order of their stamps, without what cannot be: numbers may be NaN or wrong, in any
+    order. Of each ping `points` (n, 3) float64 [m] that are not rejected, and `beams`, soundings in all; `sound_speeds`
+    are of any pings [m/s]."""
     order, faults = _usable(np.column_stack([stamps, fixes, attitudes, sensors]))
     notes = (*notes, *faults)
     if not len(order):
@@ -153,15 +133,8 @@ def _usable(table: np.ndarray) -> tuple[np.ndarray, list[str]]:
 def between(
     wanted: np.ndarray, times: np.ndarray, values: np.ndarray, gap: float, beyond: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values at the times that are wanted, linearly between those known, and which of them are known so.
-
-    Args:
-        wanted: (P,) [s].
-        times: (n,) [s], in any order.
-        values: (n, k), whatever varies linearly between them.
-        gap: the longest time between two that are known [s].
-        beyond: how far before the first and after the last one the line is continued [s].
-    """
+    """Values (n, k) at times (n,) [s], in any order, interpolated to the times that are `wanted` (P,) [s], and which of
+    these are known: between two at most `gap` apart, or less than `beyond` before the first or after the last [s]."""
     order, first = np.unique(times, return_index=True)
     if len(order) < 2:
         return np.full((len(wanted), values.shape[1]), np.nan), np.zeros(len(wanted), bool)

@@ -56,23 +56,14 @@ _OTHERS = {2: "raw bathymetry", 5: "Elac ranges", 9: "SeaView bathymetry", 10: "
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """What the echo sounder measured in one ping.
+    """What the echo sounder measured in one ping."""
 
-    Attributes:
-        stamp: [s, UTC]; 0 where the echo sounder has no clock.
-        model: as the echo sounder calls itself.
-        sound_speed: at the transducer [m/s].
-        points: (n, 3) float64 [m] in the frame of the array: x forward, y port, z up.
-        flags: (n,) uint8, four flags each; None where the packet has none.
-        has_range: (n,) bool, where there is a range.
-    """
-
-    stamp: float
-    model: str
-    sound_speed: float
-    points: np.ndarray
-    flags: np.ndarray | None
-    has_range: np.ndarray
+    stamp: float  # [s, UTC]; 0 where the echo sounder has no clock
+    model: str  # as the echo sounder calls itself
+    sound_speed: float  # at the transducer [m/s]
+    points: np.ndarray  # (n, 3) float64 [m] in the frame of the array: x forward, y port, z up
+    flags: np.ndarray | None  # (n,) uint8, four flags each; None where the packet has none
+    has_range: np.ndarray  # (n,) bool
 
 
 def ranges_of(packet: bytes) -> Ranges:
@@ -96,11 +87,6 @@ def rejected(flags: np.ndarray, has_checks: bool) -> np.ndarray:
     brightness and colinearity, which were reserved once and then are never set."""
     undetected = (flags & _DETECTED) == 0
     return undetected | ((flags & _PASSED) != _PASSED) if has_checks else undetected
-
-
-def uses_checks(flags: np.ndarray) -> bool:
-    """Whether any point passed a check."""
-    return bool((flags & _PASSED).any())
 
 
 def _sections(packet: bytes) -> dict[bytes, bytes]:
@@ -248,7 +234,7 @@ def _line(name: str, header, packets: _Packets, pyxtf) -> RecordedLine:
     mounted = Rotation.from_euler("ZYX", [-channel.OffsetYaw, -channel.OffsetPitch, channel.OffsetRoll], degrees=True)
     turns = R_level_vehicle_of(np.nan_to_num(attitudes)).as_matrix() @ mounted.as_matrix()
     flags = [ranges.flags for ranges in packets.ranges if ranges.flags is not None]
-    has_checks = any(uses_checks(each) for each in flags)
+    has_checks = any((each & _PASSED).any() for each in flags)
     points = list[np.ndarray]()
     for ranges, turn, sensor in zip(packets.ranges, turns, sensors, strict=True):
         kept = ranges.has_range if ranges.flags is None else ranges.has_range & ~rejected(ranges.flags, has_checks)

@@ -102,8 +102,7 @@ def stamp_of(image: Any) -> float | None:
 
 
 def strength_of(frame: Frame, image: rip.BitmapImageGreyscale8) -> np.ndarray:
-    """(N,) float64 linear strength of each of the frame's points, 30 x 10^(v / 100), 0 where there is none. Raises
-    InputError: the image is of another size than the frame's."""
+    """(N,) float64 linear strength of each of the frame's points, 30 x 10^(v / 100), 0 where there is none."""
     levels = np.frombuffer(image.image_pixel_data, np.uint8)
     if (image.width, image.height) != frame.shape or len(levels) != image.width * image.height:
         raise InputError(
