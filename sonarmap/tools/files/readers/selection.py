@@ -150,11 +150,7 @@ def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> 
 
 
 def _scans_among(
-    paths: Iterable[Path],
-    suffixes: Collection[str],
-    skipped: Collection[Path],
-    where: str,
-    folder: Path | None = None,
+    paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str, folder: Path | None = None
 ) -> list[SelectedFile]:
     paths, named = list(paths), len(skipped)
     skipped = {*skipped, *(path.resolve() for parent in {path.parent for path in paths} for path in _outputs(parent))}

@@ -191,9 +191,7 @@ def test_a_second_recording_of_one_name_is_one_of_its_own(tmp_path: Path) -> Non
     written(tmp_path / "dive.part.sonar", list(recording(3)))
     second = tmp_path / "dive.part2.sonar"
     came = followed(
-        tmp_path,
-        lambda: written(second, list(recording(2, after=9))),
-        lambda: second.rename(tmp_path / "dive.sonar"),
+        tmp_path, lambda: written(second, list(recording(2, after=9))), lambda: second.rename(tmp_path / "dive.sonar")
     )
     require_same(came, read_survey([tmp_path]).scans)
     assert len(came) == 5

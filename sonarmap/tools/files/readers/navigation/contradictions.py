@@ -105,10 +105,7 @@ _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
         "heading_deg as a yaw, counterclockwise from East": added(90.0, 2, -1.0)
     },
     _TURN: {f"heading_deg turned by {by} degrees": added(by, 2) for by in (90, 180, 270)},
-    _COLUMNS: {
-        "roll_deg and pitch_deg exchanged": _exchanged(0, 1),
-        "East and North exchanged": _exchanged(3, 4),
-    },
+    _COLUMNS: {"roll_deg and pitch_deg exchanged": _exchanged(0, 1), "East and North exchanged": _exchanged(3, 4)},
     "name the columns roll_rad, pitch_rad, heading_rad, by --nav-columns": {
         "angles in radians": _scaled(180 / np.pi, 0, 1, 2)
     },

@@ -39,10 +39,7 @@ def named(
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 @pytest.mark.parametrize(
     ("known", "by", "kind", "instead"),
-    [
-        (DEPTH, FEET, "depth", "depths in feet"),
-        (ROTATION, TURNED, "heading", "heading_deg with the opposite sign"),
-    ],
+    [(DEPTH, FEET, "depth", "depths in feet"), (ROTATION, TURNED, "heading", "heading_deg with the opposite sign")],
 )
 def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, instead: str, seed: int) -> None:
     rng, truth = drawn([14, seed])

@@ -236,11 +236,7 @@ def test_pings_without_a_position_are_left_out(tmp_path: Path) -> None:
 
 WRONG: list[tuple[str, Callable[[], bytes], str]] = [
     (".xtf", lambda: b"", r"the file is empty \(0 bytes\)"),
-    (
-        ".gsf",
-        lambda: EM.file(LINE),
-        r"holds a Kongsberg \.all file; wanted a GSF file: rename it to \.all",
-    ),
+    (".gsf", lambda: EM.file(LINE), r"holds a Kongsberg \.all file; wanted a GSF file: rename it to \.all"),
     (".all", lambda: b"%PDF-1.4 and more" * 9, r"holds binary content of no known kind; wanted a Kongsberg \.all file"),
     (".xtf", lambda: xtf(LINE, []), "it holds no soundings of a multibeam echo sounder"),
     (
