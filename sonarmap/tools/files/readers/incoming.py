@@ -180,9 +180,8 @@ def _read(inputs: Sequence[str | Path], corrections: Corrections) -> Sequence[Sc
 def _files(folder: Path) -> dict[str, Path]:
     """The files with scans in a folder, in natural order, by the names that they have or will have at last."""
     try:
-        looked = (
-            sorted(folder.glob(f"*{MCAP}")) if is_bag_folder(folder) else [folder]
-        )  # a bag that has ended meanwhile
+        # a bag that has ended meanwhile
+        looked = sorted(folder.glob(f"*{MCAP}")) if is_bag_folder(folder) else [folder]
         paths = [selected.path for selected in select_files(looked, FORMATS).files]
     except InputError:  # none yet
         return {}
@@ -211,10 +210,6 @@ def _follows(name: str, passed: str, begin: str) -> bool:
     return key >= first and (not passed or key > last)
 
 
-def _is_last(folder: Path, name: str, ended: Callable[[], bool]) -> bool:
-    return not ended() and next(reversed(_files(folder)), name) == name
-
-
 def _size(path: Path) -> tuple[int, int] | None:
     """What changes with a file; None if it has gone."""
     try:
@@ -222,3 +217,7 @@ def _size(path: Path) -> tuple[int, int] | None:
     except OSError:
         return None
     return status.st_size, status.st_mtime_ns
+
+
+def _is_last(folder: Path, name: str, ended: Callable[[], bool]) -> bool:
+    return not ended() and next(reversed(_files(folder)), name) == name

@@ -88,7 +88,12 @@ def _open_folder(folder: Path, notes: list[str]) -> Recording:
         raise InputError(f"none of its files is there, as {BAG_METADATA} names them; copy the whole folder")
     packed = [file.stat().st_size for file in present if file.suffix in _COMPRESSED]
     room = Room(sum(packed)) if packed else None
-    parts = sorted((_open_part(file, room) for file in present), key=_start)
+    parts = list[Recording]()
+    for file in present:
+        with naming(file.name):
+            plain = room.unpack(file) if room and file.suffix in _COMPRESSED else file
+            parts.append(_open_file(plain, file.stat().st_size))
+    parts.sort(key=_start)
     counts = Counter[tuple[str, str]]()
     for topic in chain.from_iterable(part.topics for part in parts):
         counts[topic.name, topic.kind] += topic.count
@@ -101,12 +106,6 @@ def _messages_of_parts(
     """The files that were unpacked stay for as long as this can be called."""
     for part in parts:
         yield from part.messages(names, faults)
-
-
-def _open_part(file: Path, room: Room | None) -> Recording:
-    with naming(file.name):
-        plain = room.unpack(file) if room and file.suffix in _COMPRESSED else file
-        return _open_file(plain, file.stat().st_size)
 
 
 def _start(part: Recording) -> float:
@@ -210,10 +209,8 @@ def _indexed(path: Path) -> _Contents | None:
         return None
     if summary is None or (statistics := summary.statistics) is None:
         return None
-    counts, chunks = (
-        statistics.channel_message_counts,
-        sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset")),
-    )
+    counts = statistics.channel_message_counts
+    chunks = sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset"))
     if not (counts.keys() <= summary.channels.keys() and 0 < len(chunks) == statistics.chunk_count):
         return None
     starts = [(chunk.chunk_start_offset, chunk.message_index_offsets.keys()) for chunk in chunks]

@@ -152,19 +152,16 @@ def _refuse_map_coordinates(points: np.ndarray, content: bytes) -> None:
     finite = points[np.isfinite(points).all(axis=1)]
     if not len(finite) or np.abs(finite).max() <= COORDINATE_LIMIT:
         return
+    crs = crs_of(content)
+    system = "an unnamed system" if crs is None else str(crs.name)[:100]
     ranges = ", ".join(
         f"{axis} {low:.10g} to {high:.10g}" for axis, low, high in zip("xyz", finite.min(0), finite.max(0), strict=True)
     )
     raise InputError(
-        f"its points are map coordinates in {_crs_name(content)}: {ranges} m. Scans are wanted in meters in the "
+        f"its points are map coordinates in {system}: {ranges} m. Scans are wanted in meters in the "
         "sensor's own frame. If each file is what the sensor saw from one place, subtract the sensor's place from its "
         "points, as with `pdal translate` and filters.transformation; the tiles of a finished map are not scans"
     )
-
-
-def _crs_name(content: bytes) -> str:
-    crs = crs_of(content)
-    return "an unnamed system" if crs is None else str(crs.name)[:100]
 
 
 def crs_of(content: bytes) -> CRS | None:

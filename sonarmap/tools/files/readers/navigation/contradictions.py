@@ -250,16 +250,11 @@ def _verdict(
     given, falls = ordinary[0], dict[str, float]()
     for name, cost in costs.items():
         both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # rows shifted by one leave a pair at the end
-        if both.sum() >= LEAST_PAIRS and _agreeing(cost[both]) >= _AGREE:
+        if both.sum() >= LEAST_PAIRS and (cost[both, 0] <= chi2.ppf(_RARE, cost[both, 1])).mean() >= _AGREE:
             i, j = registered.i[both], registered.j[both]
             rivals = (_without_wrong(each[both], i, j) + float((each - given)[both, 2].sum()) for each in ordinary)
             falls[name] = min(rivals) - _without_wrong(cost[both], i, j)
     return best_of(falls, _LEAST_SIGMAS)
-
-
-def _agreeing(costs: np.ndarray) -> float:
-    """The share of pairs (n, 3) that agree."""
-    return float((costs[:, 0] <= chi2.ppf(_RARE, costs[:, 1])).mean())
 
 
 def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np.ndarray:

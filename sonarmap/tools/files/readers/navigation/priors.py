@@ -73,17 +73,17 @@ def navigate(
     paths = [paths] if isinstance(paths, Path) else paths
     if len(paths) > 1:
         scans = [replace(scan, prior=None) for scan in scans]
-    read: list[_OfScans] = []
-    origin = settings.origin
+    of_files: list[list[PosePrior | None]] = []
+    origin, on_earth = settings.origin, list[Path]()
     for path in paths:
         own = replace(settings, origin=origin, are_shared=settings.are_shared or len(paths) > 1)
-        read.append(_of_scans(scans, path, own, allow_unknown, notes, turn_rates))
-        origin = read[-1].georeference or origin
-    priors = _merged(scans, paths, [each.priors for each in read])
+        of_file, here = _of_scans(scans, path, own, allow_unknown, notes, turn_rates)
+        of_files.append(of_file)
+        origin, on_earth = here or origin, on_earth + [path] * (here is not None)
+    priors = _merged(scans, paths, of_files)
     grid = grid_of(settings, origin) if settings.heading_reference == "grid" else None
-    on_earth = [path for path, each in zip(paths, read, strict=True) if each.georeference is not None]
-    for path, each in zip(paths, read, strict=True) if on_earth and settings.origin is None else ():
-        if path not in on_earth and any(prior is not None and prior.knows_position for prior in each.priors):
+    for path, of_file in zip(paths, of_files, strict=True) if on_earth and settings.origin is None else ():
+        if path not in on_earth and any(prior is not None and prior.knows_position for prior in of_file):
             raise InputError(
                 f"{on_earth[0]} has positions on the Earth, and those of {path} count from an origin that it does not "
                 "name; give that, --origin LAT,LON"
@@ -96,14 +96,6 @@ def navigate(
     return Navigated(placed, origin)
 
 
-@dataclass(frozen=True, slots=True)
-class _OfScans:
-    """What one file says."""
-
-    priors: list[PosePrior | None]  # of each scan; of the vehicle, if the sonar's mount is known
-    georeference: Georeference | None  # of x and y; None where the file does not say it
-
-
 def _of_scans(
     scans: Sequence[Scan],
     path: Path,
@@ -111,7 +103,9 @@ def _of_scans(
     allow_unknown: bool,
     notes: list[str],
     turn_rates: tuple[np.ndarray, np.ndarray] | None,
-) -> _OfScans:
+) -> tuple[list[PosePrior | None], Georeference | None]:
+    """The priors of each scan by one file, of the vehicle if the sonar's mount is known; and where x and y count from,
+    None where the file does not say it."""
     stamps = np.array([scan.stamp for scan in scans], np.float64)
     log = read_navigation(path, settings, settings.sigmas, stamps, notes)
     offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
@@ -124,7 +118,7 @@ def _of_scans(
         priors = _from_series(path, log, stamps, notes)
     else:
         priors = _from_rows(scans, path, log, allow_unknown)
-    return _OfScans(priors, log.georeference)
+    return priors, log.georeference
 
 
 def _merged(
@@ -138,14 +132,10 @@ def _merged(
         for k, prior in enumerate(priors):
             if prior is not None:
                 known = np.isfinite(prior.sigmas)
-                values[f, k, known], sigmas[f, k, known] = (
-                    values_of(prior.T_world_sensor)[known],
-                    sigmas_of(prior)[known],
-                )
+                values[f, k, known] = values_of(prior.T_world_sensor)[known]
+                sigmas[f, k, known] = sigmas_of(prior)[known]
     for k, column in np.argwhere(np.isfinite(values).sum(axis=0) > 1).tolist():
-        one, other = [str(path) for path, value in zip(paths, values[:, k, column], strict=True) if np.isfinite(value)][
-            :2
-        ]
+        one, other = (paths[f] for f in np.flatnonzero(np.isfinite(values[:, k, column]))[:2])
         raise InputError(
             f"{one} and {other} both give {COLUMNS[column]} of the scan {scans[k].name}; delete that column, or the "
             "rows, from one of them"
