@@ -150,11 +150,8 @@ def _content_of(file: Path) -> dict[str, Any]:
 
 def sha256_of(path: Path) -> str:
     require_file(path)
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}. Check the path and permissions") from error
+    with reading(path), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _files_of(path: Path) -> list[Path]:

@@ -62,13 +62,11 @@ class PointFrame:
         return replace(cloud, points=self._turned(cloud.points), viewpoints=viewpoints)
 
     def _turned(self, points: np.ndarray) -> np.ndarray:
+        R_flu_file = np.array(FRAMES[self.axes])
         with np.errstate(invalid="ignore", over="ignore"):  # points that are not finite are dropped later
-            # axis by axis: a product would spread NaN over the others
-            return np.stack([self._axis(points, row) for row in FRAMES[self.axes]], axis=1)
-
-    def _axis(self, points: np.ndarray, row: tuple[int, int, int]) -> np.ndarray:
-        (axis,) = np.flatnonzero(row).tolist()
-        return points[:, axis].astype(np.float64) * (row[axis] * UNITS[self.unit])
+            # by columns: a product of matrices would spread NaN over the other axes
+            columns = points[:, np.abs(R_flu_file).argmax(axis=1)].astype(np.float64)
+            return columns * (R_flu_file.sum(axis=1) * UNITS[self.unit])
 
 
 AS_WE_HAVE_THEM = PointFrame()

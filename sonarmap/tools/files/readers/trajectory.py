@@ -80,17 +80,10 @@ def _is_kitti(path: Path) -> bool:
 def read_kitti(path: Path) -> Trajectory:
     """A trajectory of T_world_sensor in meters; its stamps count from 0. The nearest rotation is taken."""
     lines = read_lines(path)
-    matrices = np.tile(np.eye(4), (len(lines), 1, 1))
-    matrices[:, :3] = finite_rows(path, lines, _KITTI).reshape(-1, 3, 4)
-    R = matrices[:, :3, :3]
-    off, determinant = rotation_faults(R)
-    bad = np.flatnonzero((off > ORTHONORMAL) | (determinant < 0))
-    if len(bad):
-        raise InputError(
-            f"{path}: line {lines[bad[0]][0]} holds no rotation (R R^T is off by {off[bad[0]]:.2g}, "
-            f"determinant {determinant[bad[0]]:.3f}); wanted {_KITTI}"
-        )
-    return Trajectory(np.arange(len(lines), dtype=np.float64), RigidTransform.from_matrix(matrices))
+    rows = np.hstack([finite_rows(path, lines, _KITTI), np.tile([0.0, 0, 0, 1], (len(lines), 1))])
+    with naming(path):
+        poses = [rigid_transform(row.reshape(4, 4), f"line {line}") for (line, _), row in zip(lines, rows, strict=True)]
+    return Trajectory(np.arange(len(lines), dtype=np.float64), RigidTransform.concatenate(poses))
 
 
 def read_tum(path: Path) -> Trajectory:
@@ -226,13 +219,6 @@ def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransfor
     return RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))
 
 
-def rotation_faults(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far (N, 3, 3) matrices are from rotations: the largest |R R^T - 1| and the determinant, (N,) each."""
-    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    # not by np.linalg.det, which divides by pivots however small
-    return off, np.einsum("ni,ni->n", np.cross(R[:, 0], R[:, 1]), R[:, 2])
-
-
 def rigid_transform(rows: Any, what: str) -> RigidTransform:
     """The transform of a matrix (4, 4) of `what`, its rotation the nearest one."""
     matrix = np.array(rows, np.float64)
@@ -241,8 +227,10 @@ def rigid_transform(rows: Any, what: str) -> RigidTransform:
     bad = matrix[~(np.abs(matrix) <= LARGEST)]  # NaN too
     if len(bad):
         raise InputError(f"the matrix of {what} holds {bad[0]:g}; wanted numbers within {LARGEST:g}")
-    (off,), (determinant,) = rotation_faults(matrix[None, :3, :3])
-    if off > ORTHONORMAL or determinant < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
+    R = matrix[:3, :3]
+    off = np.abs(R @ R.T - np.eye(3)).max()
+    # the determinant not by np.linalg.det, which divides by pivots however small
+    if off > ORTHONORMAL or np.cross(R[0], R[1]) @ R[2] < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
         raise InputError(
             f"the matrix of {what} is not a rigid transform (its rotation is off by {off:.2g}, its determinant should "
             "be 1, its last row 0 0 0 1); wanted a rotation and a translation in meters"

@@ -77,7 +77,7 @@ GRAPH_FAULTS = (
         (read_tum, "0 1 two 3 0 0 0 1\n", "line 1.*'two'"),
         (read_tum, "0 1 2 3 0 0 0 0\n", "line 1 .*zero quaternion"),
         (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 1\n", "line 2 has 11 columns"),
-        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 -1 7\n", "line 2 holds no rotation"),
+        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 -1 7\n", "line 2 is not a rigid transform"),
         (read_gt_log, "", "holds no line"),
         (read_gt_log, f"0\n{MATRIX}", r"line 1 is '0'; wanted the numbers of two scans"),
         (read_gt_log, f"0 1\n{MATRIX}{MATRIX}", "line 6 is '0 -1 0 4'"),

@@ -15,6 +15,7 @@ from sonarmap.tools.files.readers.instruments import (
     COLUMNS,
     LARGEST,
     LARGEST_OF,
+    LEAST_SIGMA,
     PRIOR_SIGMAS,
     SIGMA_COLUMNS,
     check_measured,
@@ -180,7 +181,7 @@ class _Table:
 def read_table(
     path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
-    """The rows of a CSV file, as `tools.files.readers.navigation.overview.read_navigation` has them."""
+    """The rows of a CSV file, as `read_navigation` has them."""
     raw = read_csv_table(path)
     with naming(raw.where()):
         columns = columns_of(raw.heading.cells, settings, sigmas)
@@ -259,20 +260,19 @@ def _column(table: _Table, name: str) -> np.ndarray:
             "these are meters of a grid, give --nav-columns "
             f"{'northing_m' if name == 'lat_deg' else 'easting_m'}={column.heading} and --nav-crs"
         )
-    quantity = {"yaw_deg": "heading_deg"}.get(name, name)
-    large = np.abs(values) > LARGEST_OF.get(quantity, LARGEST)
-    if large.any():
-        row = int(np.argmax(large))
-        with naming(table.where(row), "; fix that line"):
-            check_measured(quantity, float(values[row]))
     return values
 
 
 def _usable(table: _Table, name: str, values: np.ndarray, bad: np.ndarray, wanted: str) -> np.ndarray:
-    """The numbers of a column in the unit of its quantity."""
+    """The numbers of a column in the unit of its quantity, all of which an instrument may give."""
     for row in np.flatnonzero(bad).tolist():
         raise refuse(table.where(row), table.columns.heading(name), table.cells[name][row], wanted)
-    return values * table.columns.of[name].factor
+    values, quantity = values * table.columns.of[name].factor, "heading_deg" if name == "yaw_deg" else name
+    wrong = (np.abs(values) > LARGEST_OF.get(quantity, LARGEST)) | ((name in SIGMA_COLUMNS) & (values < LEAST_SIGMA))
+    for row in np.flatnonzero(wrong).tolist():
+        with naming(table.where(row), "; fix that line"):
+            check_measured(quantity, float(values[row]))
+    return values
 
 
 def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
@@ -284,9 +284,6 @@ def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
             continue
         values, bad = numbers(table.cells[name], table.columns.is_own)
         sigmas[:, k] = _usable(table, name, values, bad, "a finite number, or an empty cell")
-        for row in np.flatnonzero(np.isfinite(values)).tolist():
-            with naming(table.where(row), "; fix that line"):
-                check_measured(name, float(sigmas[row, k]))
     if _is_north_first(table, settings):
         sigmas[:, [3, 4]] = sigmas[:, [4, 3]]
     return sigmas

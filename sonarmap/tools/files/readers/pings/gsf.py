@@ -7,7 +7,6 @@ applied, from its datum.
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +17,7 @@ from typing import IO
 
 import numpy as np
 
+from sonarmap.kernels.child import end_in_words
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
@@ -76,20 +76,20 @@ def _require_library() -> None:
 def _asked(path: Path, patience: float) -> tuple[_Answer, str]:
     """What the child says of a file, and how it ended, in words; "" if well."""
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-P", str(_CHILD), str(path.absolute())]
     with tempfile.TemporaryFile() as out:
-        command = [sys.executable, "-P", str(_CHILD), str(path.absolute())]
-        child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.DEVNULL, env=environment
-        )
         try:
-            code = child.wait(patience)
-            end = f"crashed, {signal.strsignal(-code) or f'signal {-code}'}" if code < 0 else f"failed with code {code}"
-            end = end if code else ""
+            code = subprocess.run(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=subprocess.DEVNULL,
+                env=environment,
+                timeout=patience,
+            ).returncode
+            end = f"ended with {end_in_words(code)}" if code else ""
         except subprocess.TimeoutExpired:
             end = f"did not end within {patience:.0f} s"
-        finally:
-            child.kill()
-            child.wait()
         out.seek(0)
         return _parsed(out), end
 

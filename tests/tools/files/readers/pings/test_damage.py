@@ -58,7 +58,7 @@ def trial(folder: Path, suffix: str, count: int, seed: int) -> Counter[str]:
         else:
             check(line)
             ends["with notes" if line.notes else "as if whole"] += 1
-            ends["crashed"] += any("library crashed" in note for note in line.notes)
+            ends["crashed"] += any("library ended" in note for note in line.notes)
             ends["hung"] += any("did not end" in note for note in line.notes)
         slowest = max(slowest, time.monotonic() - started)
     print(f"{suffix}: {dict(ends)}, slowest {slowest:.2f} s")

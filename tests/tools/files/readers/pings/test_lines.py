@@ -318,7 +318,7 @@ def test_a_gsf_child_that_dies_or_hangs(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(gsf, "_CHILD", child)
     monkeypatch.setattr(gsf, "_PATIENCE", 4.0)
     child.write_text("import os; os.abort()")
-    refuses(r"line.gsf: the GSF library cannot read it \(crashed, Aborted\)", read_line, path, [])
+    refuses(r"line.gsf: the GSF library cannot read it \(ended with SIGABRT\)", read_line, path, [])
     printed = "_print_ping(record.mb_ping, parameters, out)\n"
     child.write_text(real.replace(printed, printed + "            while identity.record_number == 0: pass\n"))
     line = read(path)
