@@ -18,14 +18,6 @@ RATE = 5.0  # shots per second
 WIDTH, HEIGHT = 64, 16
 PIXEL, SPEED = 0.00075, 1480.0  # [m], [m/s]
 
-"""Recordings of a Sonar 3D-15, written with wlsonar's own codec: whole, and with packets lost, doubled, late."""
-
-
-START = 1_700_000_000.25  # [s]
-RATE = 5.0  # shots per second
-WIDTH, HEIGHT = 64, 16
-SPEED = 1480.0  # [m/s]
-
 
 @dataclass(frozen=True, slots=True)
 class PacketOf:

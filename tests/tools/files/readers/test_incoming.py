@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers import incoming as module
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, final_path, incoming, replayed
@@ -262,12 +261,6 @@ def test_a_replay_ends_when_it_is_asked_to(tmp_path: Path, clock: SimpleNamespac
     path, begun = written(tmp_path / "dive.sonar", list(recording(9))), clock.now
     came = list(replayed([str(path)], AS_RECORDED, 1.0, lambda: clock.now > begun + 0.5))
     assert len(came) == 3
-
-
-def test_a_replay_of_nothing_that_can_be_read_is_refused(tmp_path: Path) -> None:
-    path = put(tmp_path / "scan_0.ply", b"ply")
-    with pytest.raises(InputError, match=r"no scan can be read: .*scan_0.ply"):
-        next(replayed([str(path)], AS_RECORDED, 0.0, lambda: False))
 
 
 def test_within_a_file_of_several_scans_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -223,15 +223,6 @@ def test_priors_cannot_be_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_order_of_the_information(tmp_path):
-    """Diagonal 1..6 in the file: 1, 2, 3 weigh the translation."""
-    upper = " ".join(str(i + 1) if i == j else "0" for i in range(6) for j in range(i, 6))
-    path = tmp_path / "a.g2o"
-    path.write_text(f"{V0}\n{V1}\nEDGE_SE3:QUAT 0 1 1 2 3 0 0 0 1 {upper}\n")
-    (e,) = read_g2o(path).edges
-    np.testing.assert_allclose(1 / np.diag(e.registration.covariance), [4, 5, 6, 1, 2, 3], rtol=1e-14)
-
-
 def test_kitti_takes_rotations_of_six_digits(tmp_path):
     T = random_transforms(np.random.default_rng(1), 20)
     rows = T.as_matrix()[:, :3].reshape(-1, 12)

@@ -107,13 +107,6 @@ class TestTrajectoryBeside:
     def test_a_trajectory_that_cannot_be_used(self, tmp_path: Path, trajectory: str, message: str) -> None:
         refuses(message, read_scan, timed(tmp_path / "a.ply", trajectory=trajectory))
 
-    def test_a_dropped_points_time_does_not_matter(self, tmp_path: Path) -> None:
-        points, times = POINTS.copy(), TIMES.copy()
-        points[2], times[2] = np.nan, 99
-        write_ply(tmp_path / "a.ply", points, {"time": times})
-        (tmp_path / "a.tum").write_text(TRAJECTORY)
-        np.testing.assert_array_equal(read_scan(tmp_path / "a.ply").viewpoints, np.delete(SEEN_FROM, 2, axis=0))
-
 
 class TestViewpointOfPcd:
     """PCL's sensor_origin: where the sensor was, in the frame of the points."""

@@ -185,18 +185,6 @@ def test_right_navigation_is_not_doubted() -> None:
         assert contradiction(priors(measured(truth, rng, known)), registered(truth, rng, wrong=seed % 4)) is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_a_few_wrong_fixes_are_no_unit(seed: int) -> None:
-    """On a short way places in feet would have them nearer to each other, too."""
-    rng, truth = drawn([11, seed])
-    truth[:, 3:5] = truth[0, 3:5] + 0.4 * (truth[:, 3:5] - truth[0, 3:5])
-    values = measured(truth, rng)
-    wrong = rng.choice(len(truth), 3, replace=False)
-    values[wrong, 3:5] += 5 * np.array([[1, 0], [0, -1], [-0.7, 0.7]])
-    assert contradiction(priors(values), registered(truth, rng)) is None
-
-
 def test_other_mistakes_have_no_name() -> None:
     """Noise, and another dive's navigation."""
     for seed in range(3):

@@ -181,11 +181,6 @@ class TestAmbiguous:
     def test_mappings_that_are_none(self, text: str, words: str) -> None:
         refuses(words, parse_columns, text)
 
-    def test_no_standard_deviation(self, path: Path) -> None:
-        path.write_text("Time,Depth\n" + rows("5"))
-        refuses(r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas", navigate, SCANS, path)
-        assert navigate(SCANS, path, NavigationSettings(sigmas=SIGMAS)).scans[0].prior is not None
-
     def test_places_twice_are_taken_once(self, path: Path) -> None:
         text = "Time,Lat,Lon,Easting,Northing\n" + rows("60.4", "5.3", "296000", "6701000")
         values, navigated, notes = read(path, text)

@@ -184,12 +184,6 @@ class TestNumbers:
         assert [cloud.strength is not None for cloud in clouds] == [False] * 168 + [True] * 32
         assert numbers_in(notes, "without a range image") == [168]
 
-    def test_a_recording_twice_in_a_file_is_read_once(self) -> None:
-        packets = content(list(recording(50)))
-        clouds, notes = noted(packets + packets)
-        assert len(clouds) == 50
-        assert numbers_in(notes, "doubled") == [100]
-
     def test_shots_without_numbers_and_times(self) -> None:
         """Only what is the same to the bit is doubled."""
         images = [rip.RangeImage(width=4, height=3, image_pixel_scale=0.125) for _ in range(20)]
