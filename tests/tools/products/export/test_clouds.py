@@ -236,7 +236,7 @@ def test_straightened_scans_are_straightened_by_the_same_way(tmp_path: Path) -> 
     with patch("sonarmap.tools.products.output.folder._draw_maps"):
         write_survey(tmp_path / "map", result, run)
     folder = replace(read_map_folder(tmp_path / "map"))
-    with patch("sonarmap.tools.files.map_folder.scans._require_same"):
+    with patch("sonarmap.tools.files.map_folder.folder._require_same"):
         again = mapped_scans(folder)
         for ours, theirs in zip(again, straight.scans, strict=True):
             np.testing.assert_array_equal(ours.points, theirs.points)

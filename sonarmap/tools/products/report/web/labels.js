@@ -1,4 +1,4 @@
-// Latitude and longitude of places of a map: the twin of `Georeference.geodetic` in tools/files/geo/georeference.py.
+// Latitude and longitude of places of a map: the twin of `Georeference.geodetic` in tools/files/geo.py.
 
 const AXIS = 6378137, FLATTENING = 1 / 298.257223563; // of the WGS84 ellipsoid [m]
 const ECCENTRICITY = FLATTENING * (2 - FLATTENING); // squared
