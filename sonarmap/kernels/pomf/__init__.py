@@ -1,4 +1,4 @@
-"""Phase-only matched filtering: spectra whitened and correlated, and the peaks of the correlation.
+"""Phase-only matched filtering: whiten and correlate spectra, and find the peaks of the correlation.
 
 In: volumes, or half spectra from `kernels.fft`. Out: correlations on the device, and `Peak`s with sub-voxel shifts.
 """

@@ -1,13 +1,13 @@
-// The highest peaks of correlations, chosen on the device: a threshold, the local maxima above it, the best of these.
+// Select the highest peaks of correlations: find a threshold, collect the local maxima above it, choose the highest.
 //
-// Layout: correlations are (C, IMAGES, HEIGHT, LENGTH) float32, correlation c of pose first + c % count; poses are
-// (n, 20) float32, of which 16..18 are the reaches: the largest cyclic distance of a peak from 0 along each axis. tops
-// are (C, IMAGES, HEIGHT), the maxima of the rows within the reach along them; energies (C, parts + 1): their sum but
-// for the last is that of |X|^2 over the whole spectrum, and the last is X of frequency 0.
-// states are (C, 4): threshold, mean, standard deviation, and the number of local maxima (an int). maxima are
-// (C, CAPACITY, 28) int32: index, then the bits of the 27 values around. out is (poses, C / count, 4 + 28 * wanted)
-// int32: how many peaks were chosen, -1 where more may be hidden; the bits of mean and deviation; the number of local
-// maxima; and the peaks as in maxima, highest first.
+// Layout: values (C, IMAGES, HEIGHT, LENGTH) float32 are the correlations, correlation c of pose first + c % count.
+// poses (n, 20) float32: numbers 16..18 are the reaches, the largest cyclic distance of a peak from 0 along each axis.
+// tops (C, IMAGES, HEIGHT): the maximum of each row within the reach along it. energies (C, parts + 1): partial sums of
+// |X|^2 over the whole spectrum, then X at frequency 0.
+// states (C, 4): threshold, mean, standard deviation, and the number of local maxima (an int). maxima (C, CAPACITY, 28)
+// int32: index, then the bits of the 27 values around it. out (poses, C / count, 4 + 28 * wanted) int32: the number of
+// chosen peaks, or -1 if they may be incomplete; the bits of mean and deviation; the number of local maxima; then the
+// peaks as in maxima, highest first.
 #ifndef LENGTH
 #define IMAGES 128
 #define HEIGHT 128
@@ -17,7 +17,7 @@
 #define WIDTH 1  // work-items of a group
 #endif
 #ifndef ROWS
-#define ROWS 1  // that a work-item looks through
+#define ROWS 1  // rows that a work-item searches
 #endif
 #define CAPACITY 256
 #define RECORD 28
@@ -29,7 +29,7 @@ static bool beyond(const int row, const float4 reach) {
     return min(i, IMAGES - i) > reach.x || min(j, HEIGHT - j) > reach.y;
 }
 
-// The maximum of each row within the reach along it, where no transform noted it; one group of WIDTH per row.
+// The maximum of each row within the reach along it, if no transform has stored it; one group of WIDTH per row.
 __kernel __attribute__((reqd_work_group_size(WIDTH, 1, 1)))
 void row_maxima(__global const float* const restrict values, __global float* const restrict tops,
                 __global const float* const restrict poses, const int count, const int first) {
@@ -48,7 +48,7 @@ void row_maxima(__global const float* const restrict values, __global float* con
     if (!item) tops[row] = found[0];
 }
 
-// A height that about `wanted` rows or more reach, from a histogram of their maxima; one group of WIDTH per correlation.
+// A threshold that about `wanted` rows or more reach, by a histogram of their maxima; one group per correlation.
 __kernel __attribute__((reqd_work_group_size(WIDTH, 1, 1)))
 void threshold(__global const float* const restrict tops, __global const float* const restrict energies,
                __global const float* const restrict poses, __global float* restrict states, const int parts,
@@ -68,7 +68,7 @@ void threshold(__global const float* const restrict tops, __global const float* 
     }
     const float size = (float)IMAGES * HEIGHT * LENGTH, mean = energy[parts] / size;
     const float variance = sums[0] / size / size - mean * mean;
-    const float deviation = variance > 0.0f ? sqrt(variance) : variance - variance;  // no number stays none
+    const float deviation = variance > 0.0f ? sqrt(variance) : variance - variance;  // NaN stays NaN
     const float scale = deviation > 0.0f ? BINS_PER_DEVIATION / deviation : 0.0f;
     const float4 reach = vload4(4, poses + (first + c % count) * 20);
     __global const float* const top = tops + (size_t)c * (IMAGES * HEIGHT);
@@ -92,7 +92,7 @@ void threshold(__global const float* const restrict tops, __global const float* 
     states[3] = as_float(0);
 }
 
-// Local maxima, which none of 26 cyclic neighbors exceeds, from the threshold on; a work-item per ROWS rows.
+// Local maxima, which none of 26 cyclic neighbors exceeds, not below the threshold; a work-item per ROWS rows.
 __kernel void collect(__global const float* restrict values, __global const float* restrict tops,
                       __global const float* const restrict poses, __global float* const restrict states,
                       __global int* const restrict maxima, const int count, const int first) {
@@ -130,7 +130,7 @@ static int apart(const int a, const int b, const int n) {
     return min(abs(a - b), n - abs(a - b));
 }
 
-// The highest of them, of those not separated the higher, of equal ones the first voxel; one work-item per correlation.
+// The highest separated local maxima; of equal ones the first voxel comes first. One work-item per correlation.
 __kernel void choose(__global const float* const restrict states, __global int* restrict maxima,
                      __global int* restrict out, const int wanted, const float separation,
                      const int count, const int first) {

@@ -1,9 +1,9 @@
-// The values of a correlation near one shift, from its spectrum, without a transform: sums with separable phases.
+// The values of a correlation near one shift, from its spectrum without a transform: sums with separable phases.
 //
-// Layout: spectra are (n0, n1, pitch) complex64, half spectra of real volumes; roots(n) are exp(2 pi i k / n), k < n;
-// sums are (count, 6, n1, pitch): along axis 0 for 5 shifts, then (sum of |X|^2, real part of X at i = 0); out is
-// (count, 30, pitch): along axes 0 and 1 for 5 x 5 shifts, then the sum of the sixth, and its value at j = 0.
-// LANES numbers of a row are taken at a time: 8 on a processor, 1 elsewhere.
+// Layout: spectra are (n0, n1, pitch) complex64, half spectra of real volumes; roots (n) are exp(2 pi i k / n), k < n.
+// sums (6, n1, pitch) complex64: the sums along axis 0 for 5 shifts, then (sum of |X|^2, real part of X at i = 0). out
+// (count, 30, pitch) complex64: the sums along axes 0 and 1 for 5 x 5 shifts, then a row of (sum of |X|^2, real part of
+// X at i = j = 0), and 4 unused. A work-item takes LANES numbers at a time: 8 on a CPU, 1 on a GPU.
 #ifndef LANES
 #define LANES 8
 #endif
@@ -27,7 +27,7 @@ static inline void add_turned(LANE* const re, LANE* const im, const LANE xr, con
     *im += xr * turn.y + xi * turn.x;
 }
 
-// The sums along axis 0 of one of several spectra, a work-item per LANES columns; what a processor does in its last forward pass.
+// The sums along axis 0 of spectrum `number`, a work-item per LANES columns; on a CPU the last forward pass does this.
 __kernel void sum_columns(__global const float* restrict spectra, __global const float* const restrict target,
                           __global const float* const restrict across, __global const float* const restrict along,
                           __global const float* const restrict roots, const int shift, __global float* const sums,

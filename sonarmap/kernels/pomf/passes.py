@@ -1,8 +1,8 @@
-"""The passes of a correlation from sparse volumes to rows with their maxima, fused on a processor, else one by one.
+"""Passes from sparse volumes to correlations and the maxima of their rows: fused on a CPU, one by one on a GPU.
 
 Arrays: volumes (count, n, n, n) float32 with marks (count, n^2 / 8) int32, as `voxelize_poses` fills them; spectra
-(exponents, count, n, n, `row_pitch(n)`) complex64, of which `forward` fills the first exponent's;
-correlations likewise.
+(exponents, count, n, n, `row_pitch(n)`) complex64, of which `forward` fills the first exponent's; correlations
+(exponents, count, n, n, n) float32.
 """
 
 from collections.abc import Sequence
@@ -19,11 +19,11 @@ from sonarmap.kernels.fft.fused import emit_planes, sheet_width
 from sonarmap.kernels.fft.transform import RealFFT
 from sonarmap.kernels.pomf.spectrum import full_gain, half_gain, half_weights
 
-_WIDTH = 64
+_WIDTH = 64  # work-items of a group on a GPU
 
 
 class _Tables:
-    """Gains, weights and roots on the device, and the sums of near.cl for `most` volumes."""
+    """Gains, weights and roots of unity on the device, and a buffer for the sums of near.cl."""
 
     def __init__(self, device: Device, edge: int, blur: float, most: int) -> None:
         self._device, self._edge, self._pitch = device, edge, row_pitch(edge)
@@ -36,7 +36,7 @@ class _Tables:
         self._sums = device.empty((most, 6, edge, self._pitch), np.complex64)
 
     def _sum_rows(self, place: np.ndarray, out: cla.Array, index: int, lanes: int, width: int) -> None:
-        """Of the sums along the first axis those of a voxel (3,) along the second, to out[index]."""
+        """Queue the sums along the second axis near a voxel (3,), from those along the first, into out[index]."""
         numbers = np.int32(place[1]), np.int32(self._edge), np.int32(self._pitch), np.int32(index)
         size, group = (-(-self._pitch // lanes // width) * width, 6), (width, 1) if width > 1 else None
         arrays = self._sums, self._roots, out
@@ -44,11 +44,11 @@ class _Tables:
 
 
 class FusedPasses(_Tables):
-    """For processors: a work-item per plane or sheet; see `kernels.fft.fused`.
+    """Passes for a CPU: a work-item per plane or sheet; see `kernels.fft.fused`.
 
     Attributes:
-        parts: numbers whose sum is a correlation's power; energies are (exponents, count, parts + 1).
-        clears: whether `forward` leaves the volumes and the marks empty.
+        parts: number of partial sums of a correlation's power; energies are (exponents, count, parts + 1).
+        clears: whether `forward` resets the volumes and the marks to 0.
     """
 
     clears = True
@@ -65,25 +65,25 @@ class FusedPasses(_Tables):
         self._back = cl.Kernel(device.build(fused.emit_inverse(layout), name="fused"), "planes")
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
-        """Transform the volumes; where the passes are fused, their first axis is left to the next one."""
+        """Transform the volumes; fused passes leave the first axis to `correlate` or `near`."""
         self._launch(self._planes, count * self._edge, volumes, marks, self._filled, spectra)
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
-        """Whiten, multiply by the targets and the gains; where the passes are fused, transform the first axis back."""
+        """Whiten, multiply by the targets and the gains; fused passes also transform the first axis back."""
         arrays = spectra, self._filled, *targets, *self._gains, energies
         self._launch(self._correlate, count * self.parts, *arrays, np.int32(count))
 
     def inverse(
         self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
     ) -> None:
-        """Transform back what the poses' reaches need, and note the rows' maxima."""
+        """Transform the correlations back as far as the poses' limits require, and store the maxima of their rows."""
         planes = count * self._edge * self._exponents
         self._launch(self._back, planes, correlations, spectra, tops, poses, np.int32(count), np.int32(first))
 
     def near(
         self, spectra: cla.Array, number: int, target: cla.Array, place: np.ndarray, out: cla.Array, index: int
     ) -> None:
-        """Of one spectrum from `forward`, the sums near a voxel (3,) of the correlation, to out[index]; see near.cl."""
+        """Queue near.cl's sums for the correlation of spectrum `number` near a voxel (3,), into out[index]."""
         arrays = spectra, self._filled, target, *self._gains, self._roots
         self._launch(self._near, self.parts, *arrays, np.int32(place[0]), np.int32(number), self._sums)
         self._sum_rows(place, out, index, 8, 1)
@@ -93,7 +93,7 @@ class FusedPasses(_Tables):
 
 
 class SinglePasses(_Tables):
-    """For graphics processors: a work-item per number or column, neighbors beside each other in memory."""
+    """Passes for a GPU: a work-item per number or column, so that adjacent work-items read adjacent memory."""
 
     clears = False
 
@@ -107,7 +107,7 @@ class SinglePasses(_Tables):
             self._fft.forward(volumes[n], out=spectra[n])
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
-        # the source's spectrum is overwritten by the first exponent's product
+        # in reverse, because the first exponent's product overwrites the source's spectrum
         for e in reversed(range(len(self._exponents))):
             for n in range(count):
                 arrays = spectra, targets[e], spectra, *self._gains, energies
@@ -146,6 +146,6 @@ Passes = FusedPasses | SinglePasses
 
 
 def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> Passes:
-    """The passes that suit the device, for `most` volumes at once; fused ones take whole blocks of 8 rows only."""
+    """Passes for this device and batches of `most` volumes; fused ones need an edge that is a multiple of 8."""
     passes = FusedPasses if device.is_cpu and edge % 8 == 0 else SinglePasses
     return passes(device, edge, blur, exponents, most)

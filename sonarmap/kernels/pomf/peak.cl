@@ -1,8 +1,8 @@
-// Row-wise reduction of a correlation, finished on the host, and a copy of chosen rows.
+// Statistics of a correlation's rows (the host combines them), a copy of chosen rows, and samples between voxels.
 //
-// Layout: values are rows of LENGTH float32, of which the first begins `begin` floats into the memory; out is (3, rows)
-// float32: each row's maximum, its mean, and the sum of its squared deviations from that mean, so that nothing is lost
-// where the mean is large. The maximum is taken at columns of cyclic distance up to reach from column 0 only.
+// Layout: values are rows of LENGTH float32, the first one `begin` floats into the buffer; out (3, rows) float32: each
+// row's maximum, its mean, and the sum of its squared deviations from that mean, which keeps precision if the mean is
+// large. The maximum is taken over columns of cyclic distance up to reach from column 0.
 // Precondition: reach >= 0.
 #ifndef LENGTH
 #define LENGTH 128
@@ -41,7 +41,7 @@ static float row_maximum(__global const float* const row, const int reach) {
     return top;
 }
 
-// One work-item per ROWS rows: the walks over a row after the first find it in the cache.
+// One work-item per ROWS rows: passes over a row after the first find it in the cache.
 __kernel void row_statistics(__global const float* const restrict values, __global float* const restrict out,
                              const int rows, const int reach, const ulong begin) {
     const int whole = LENGTH / 8 * 8;
@@ -74,8 +74,8 @@ __kernel void gather_rows(__global const float* const restrict values, __global 
     for (int k = 0; k < LENGTH; ++k) to[k] = from[k];
 }
 
-// Correlations (cubes, edge, edge, edge) between their voxels, trilinear and cyclic, at places (count, 4) [voxels], the
-// fourth unused: (cubes, count) float32. A work-item for each cube and place.
+// Trilinear, cyclic samples (cubes, count) float32 of correlations (cubes, edge, edge, edge) at places (count, 4)
+// [voxels], whose fourth number is unused. One work-item: one cube and place.
 __kernel void sample(__global const float* restrict values, __global const float* const restrict places,
                      __global float* const restrict out, const int edge, const int count) {
     const int n = get_global_id(0), cube = get_global_id(1);

@@ -1,4 +1,4 @@
-"""The highest peaks of a correlation, and their places and heights between the voxels, by a Gaussian."""
+"""The highest peaks of a correlation, with sub-voxel shifts and heights from a Gaussian fit."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import begin_of, launch, memory_of, require_array
 from sonarmap.kernels.errors import InputError
 
-_FLOOR = 0.05
+_LEAST_SHARE = 0.05  # of the peak; lower neighbors count as this share in the Gaussian fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,14 +19,14 @@ class Peak:
     """One local maximum of a cyclic correlation.
 
     Attributes:
-        index: (3,) int64, the voxel.
+        index: (3,) int64, the peak's voxel.
         shift: (3,) float64, cyclic and signed [voxels]: index (as -n/2..n/2) plus the sub-voxel offset.
         value: the correlation at the voxel, without a unit.
-        top: its height at the shift, between the voxels, without a unit: that of the Gaussian that gave the sub-voxel
-            offset. The same peak half a voxel off along all axes has half the value, and still its top.
+        top: height of the fitted Gaussian at the shift, without a unit. It does not depend on where the peak lies
+            between voxels, whereas `value` is halved half a voxel off along all axes.
         psr: peak-to-sidelobe ratio, (top - mean) / std; 0 where std is 0.
         neighborhood: (3, 3, 3) float32, the correlation around the voxel, cyclic.
-        mean, std: of the whole correlation, without a unit.
+        mean, std: mean and standard deviation of the whole correlation, without a unit.
     """
 
     index: np.ndarray
@@ -42,8 +42,8 @@ class Peak:
 def fit_peaks(
     index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean: float | np.ndarray, std: float | np.ndarray
 ) -> list[Peak]:
-    """The peaks at voxels (m, 3), with neighborhoods (m, 3, 3, 3), of a cyclic correlation of this shape, with the mean
-    and deviation of all of it; or of several, (m,) of each peak's."""
+    """Fit the peaks at voxels (m, 3), with neighborhoods (m, 3, 3, 3), of a cyclic correlation of `shape`. `mean` and
+    `std` are those of the whole correlation, or (m,) for peaks of several correlations."""
     values = cubes[:, 1, 1, 1].astype(np.float64)
     lines = np.stack([cubes[:, :, 1, 1], cubes[:, 1, :, 1], cubes[:, 1, 1, :]], axis=1)
     offsets, heights = _fit_gaussians(lines)
@@ -60,11 +60,11 @@ def fit_peaks(
 
 
 def _fit_gaussians(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The Gaussians through three values (..., 3), the middle one the largest: where their peaks lie, -0.5..0.5, and
-    the logarithms of their heights over the middle values; 0 where there is none."""
+    """Fit Gaussians through three values (..., 3), the middle one the largest: offsets of their peaks, -0.5..0.5, and
+    logarithms of their heights over the middle values. Both are 0 where the three values are equal."""
     middle = lines[..., 1:2].astype(np.float64)
     shares = np.divide(lines, middle, out=np.ones(lines.shape), where=middle > 0)
-    logarithms = np.log(np.maximum(shares, _FLOOR))
+    logarithms = np.log(np.maximum(shares, _LEAST_SHARE))
     left, right = logarithms[..., 0], logarithms[..., 2]
     curvature = left + right
     offset = np.divide(left - right, 2 * curvature, out=np.zeros(curvature.shape), where=curvature < 0)
@@ -73,12 +73,12 @@ def _fit_gaussians(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def signed(index: np.ndarray, n: int | np.ndarray) -> np.ndarray:
-    """A cyclic index as -n/2..n/2."""
+    """Signed index, -n/2..n/2, of a cyclic index 0..n-1."""
     return np.where(index < (np.asarray(n) + 1) // 2, index, index - n)
 
 
-_ROWS_TOGETHER = 16
-NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
+_ROWS_PER_ITEM = 16  # on a CPU, where a work-item is a work-group, which costs as much as a short row
+NOT_FINITE = "the correlation has values that are not finite; check the input volumes"
 
 
 def find_peaks(
@@ -90,18 +90,18 @@ def find_peaks(
 ) -> list[Peak]:
     """The highest local maxima of a correlation, highest first.
 
-    A peak is a voxel that none of its 26 cyclic neighbors exceeds; of two not separated the higher stays.
-    Its sub-voxel offset is that of the Gaussian through the three values along each axis; neighbors below
-    5 % of the peak count as 5 %, which serves the negative sidelobes of an unblurred correlation too.
+    A peak is a voxel that none of its 26 cyclic neighbors exceeds; of two that are not separated the higher is kept.
+    Its sub-voxel offset comes from a Gaussian through the three values along each axis. Neighbors below 5 % of the
+    peak count as 5 %, which covers the negative sidelobes of an unblurred correlation too.
 
     Args:
-        correlation: (n0, n1, n2) float32; a slice may begin anywhere in its memory.
-        separation: the cyclic distance of two peaks is above this along at least one axis [voxels].
+        correlation: (n0, n1, n2) float32; it may be a view that starts anywhere in its buffer.
+        separation: two peaks are farther apart than this, cyclically, along at least one axis [voxels].
         limits: largest absolute cyclic shift of a peak's voxel along each axis [voxels]; None: any.
-            A maximum that only the limit makes, on a slope, is no peak.
+            A voxel whose higher neighbor lies beyond a limit is not a peak.
 
     Returns:
-        At most count peaks; fewer where there are no more.
+        At most `count` peaks.
     """
     shape = require_array(correlation, "correlation", (None, None, None))
     if count < 1 or separation < 0:
@@ -114,7 +114,7 @@ def find_peaks(
     most, rows_at_once = len(tops) if allowed is None else int(np.count_nonzero(allowed)), 8 * count
     while True:
         chosen, bound = _highest_rows(tops, min(rows_at_once, most))
-        # a maximum below the best row that was not looked at may be beaten from there
+        # maxima below the bound may be exceeded in a row that was not searched
         index, cubes = _local_maxima(device, correlation, chosen, reach[2], bound)
         kept = _suppress(index, cubes[:, 1, 1, 1], shape, count, separation)
         if len(kept) == count or np.isneginf(bound):
@@ -131,15 +131,14 @@ def _reach(shape: tuple[int, ...], limits: tuple[float | None, ...] | None) -> l
 
 
 def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.ndarray, float, float]:
-    """The maximum of every row, within the reach along it; mean and standard deviation of all."""
+    """(n0 n1,) maximum of each row within the reach along it; mean and standard deviation of the correlation."""
     rows, length = correlation.size // correlation.shape[2], correlation.shape[2]
     parts = device.empty((3, rows))
-    # several rows an item where an item is a work-group, which costs as much as a short row
-    together = _ROWS_TOGETHER if device.is_cpu else 1
+    rows_per_item = _ROWS_PER_ITEM if device.is_cpu else 1
     launch(
-        device, "pomf/peak", "row_statistics", (-(-rows // together),),
+        device, "pomf/peak", "row_statistics", (-(-rows // rows_per_item),),
         memory_of(correlation), parts, np.int32(rows), np.int32(reach), begin_of(correlation),
-        LENGTH=length, ROWS=together,
+        LENGTH=length, ROWS=rows_per_item,
     )  # fmt: skip
     tops, row_means, row_squares = parts.get()
     row_means = row_means.astype(np.float64)
@@ -153,7 +152,7 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
 
 
 def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray | None:
-    """(n0 n1,) bool: rows within the reach along axes 0 and 1; None where all are."""
+    """(n0 n1,) bool: rows within the reach along axes 0 and 1; None if all rows are."""
     if 2 * reach[0] >= shape[0] and 2 * reach[1] >= shape[1]:
         return None
     first, second = (np.abs(signed(np.arange(n), n)) <= r for n, r in zip(shape[:2], reach[:2], strict=True))
@@ -161,7 +160,7 @@ def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray | None
 
 
 def _highest_rows(tops: np.ndarray, count: int) -> tuple[np.ndarray, float]:
-    """The rows with the highest maxima, in no order, and the highest maximum of the others, -inf without others."""
+    """Indices of the `count` highest row maxima, in no order, and the highest of the other maxima, -inf without any."""
     others = len(tops) - count
     if not others:
         return np.arange(count), -np.inf
@@ -172,12 +171,12 @@ def _highest_rows(tops: np.ndarray, count: int) -> tuple[np.ndarray, float]:
 def _local_maxima(
     device: Device, correlation: cla.Array, rows: np.ndarray, reach: int, bound: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The local maxima in some rows that reach the bound: index (m, 3) and neighborhood (m, 3, 3, 3)."""
+    """Local maxima in these rows, not below the bound: index (m, 3) and neighborhood (m, 3, 3, 3)."""
     n0, n1, n2 = correlation.shape
     i, j = rows[:, None, None] // n1, rows[:, None, None] % n1
     around = (i + np.array([-1, 0, 1])[:, None]) % n0 * n1 + (j + np.array([-1, 0, 1])) % n1
     block = _rows(device, correlation, around)
-    # few reach the bound: only their neighbors are looked at
+    # few voxels reach the bound: only those are compared with their neighbors
     high = block[:, 1, 1] >= bound
     if 2 * reach < n2:
         high &= np.abs(signed(np.arange(n2), n2)) <= reach
@@ -189,10 +188,10 @@ def _local_maxima(
 
 
 def _rows(device: Device, correlation: cla.Array, rows: np.ndarray) -> np.ndarray:
-    """Rows of the correlation, by number: (*rows.shape, n2) float32."""
+    """Read the rows with these numbers: (*rows.shape, n2) float32."""
     length = correlation.shape[2]
     if device.is_cpu:
-        # its memory is the host's: to wait for one command costs less than to wait for three
+        # the device shares the host's memory: one command to wait for costs less than three
         mapped: Any = correlation.map_to_host(flags=cl.map_flags.READ)
         with mapped.base:
             return mapped.reshape(-1, length)[rows]
@@ -206,9 +205,9 @@ def _rows(device: Device, correlation: cla.Array, rows: np.ndarray) -> np.ndarra
 def _suppress(
     index: np.ndarray, values: np.ndarray, shape: tuple[int, ...], count: int, separation: float
 ) -> list[int]:
-    """Which maxima stay, highest first: those not close to a higher one."""
+    """Indices of at most `count` maxima that are not close to a higher one, highest first."""
     kept: list[int] = []
-    # equal values come in the order of their voxels, whatever the order of the rows was
+    # equal values are ordered by voxel, so that the order of the rows does not matter
     order = np.lexsort((index[:, 2], index[:, 1], index[:, 0], -values))
     free = np.ones(len(order), bool)
     for n in order:

@@ -1,4 +1,4 @@
-"""Points to the whitened spectra of their volume, and to its magnitudes: what preparing a scan begins with."""
+"""Whitened spectra and magnitudes of a volume of points: the first step of preparing a scan."""
 
 from collections.abc import Sequence
 
@@ -16,22 +16,21 @@ from sonarmap.kernels.pomf.spectrum import magnitude, whiten
 
 
 class PointSpectra:
-    """The transform of points to spectra, whitened with each of `exponents`; a processor passes over rows without
-    points."""
+    """Transform of points to spectra, whitened with each of `exponents`; a CPU skips rows without points."""
 
     def __init__(
         self, device: Device, edge: int, exponents: tuple[float, ...] = (1.0,), magnitudes: bool = False
     ) -> None:
-        """Build the kernels for volumes of `edge` voxels; with `magnitudes`, `transform` is given an array for them."""
+        """Build the kernels for volumes of `edge` voxels; with `magnitudes`, `transform` fills an array of them too."""
         self._device, self._edge, self.exponents, self._with_magnitudes = device, edge, exponents, magnitudes
         self._volume = device.empty((1, edge, edge, edge))
-        # the fused passes take whole blocks of 8 rows only
+        # the fused passes need an edge that is a multiple of 8
         self._fft = None if device.is_cpu and edge % 8 == 0 else RealFFT(device, (edge, edge, edge))
         if self._fft is None:
             self._plan_sparse(Layout((edge, edge, edge)))
 
     def _plan_sparse(self, layout: Layout) -> None:
-        """For processors: a work-item per plane or sheet; see `kernels.fft.fused`."""
+        """Plan the fused passes for a CPU, a work-item per plane or sheet; see `kernels.fft.fused`."""
         device, edge = self._device, self._edge
         self._sheet_count = edge // sheet_width(layout)
         self._marks = device.empty((1, edge**2 // 8), np.int32)
@@ -47,10 +46,9 @@ class PointSpectra:
         """Queue the transform of the points' volume.
 
         Args:
-            points: (n, 4) float32, as `voxelize` takes them.
-            out: for each exponent (edge, edge, `row_pitch(edge)`) complex64, to be filled with the whitened half
-                spectrum.
-            magnitudes: (edge, edge, edge/2 + 1) float32, to be filled as `magnitude` does; only where planned.
+            points: (n, 4) float32, as in `voxelize`.
+            out: (edge, edge, `row_pitch(edge)`) complex64 for each exponent, filled with the whitened half spectrum.
+            magnitudes: (edge, edge, edge/2 + 1) float32, filled as by `magnitude`; only if planned.
         """
         if self._fft is None:
             self._transform_sparse(points, out, magnitudes)
@@ -58,12 +56,12 @@ class PointSpectra:
         spectrum = self._fft.forward(voxelize(self._device, points, self._edge, out=self._volume[0]), out=out[0])
         if magnitudes is not None:
             magnitude(self._device, spectrum, self._edge, out=magnitudes)
-        # the first takes the spectrum's place
+        # in reverse, because the first exponent's result overwrites the spectrum
         for exponent, whitened in reversed(list(zip(self.exponents, out, strict=True))):
             whiten(self._device, spectrum, exponent, out=whitened)
 
     def _transform_sparse(self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None) -> None:
-        """The volume is left empty."""
+        """Queue the fused passes, which leave the volume empty."""
         if not self._clean:
             zero(self._device, self._volume)
             self._marks.fill(0)

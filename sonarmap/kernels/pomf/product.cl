@@ -1,10 +1,10 @@
-// A source's spectrum whitened and multiplied with a target's and gains, in one go, and its power.
+// The product of a target's spectrum, a source's whitened spectrum and gains, in one pass, and its power.
 //
-// Layout: spectra are (n0, n1, pitch) complex64; across are gains (n1, pitch), 0 in the padding, and then, alike, how
-// often a number counts in the whole spectrum: twice but for the columns that have no mirror image; along are gains
-// (n0). energies get the sum of |X|^2 of each row and, last, the real part of X at frequency 0.
-// Of several spectra number `from` is the source's, number `first` of out and of the energies are written; out may be
-// the source's spectrum. One group of WIDTH per row.
+// Layout: spectra are (n0, n1, pitch) complex64; along (n0) are gains; across (2, n1, pitch) are gains, 0 in the
+// padding, then weights: how often each number occurs in the full spectrum, twice but for columns without a mirror
+// image. energies get the sum of |X|^2 of each row, then the real part of X at frequency 0.
+// The source is spectrum number `from`; the result is number `first` of out and of energies; out may be the source's
+// array. One group of WIDTH per row.
 #define LANE float
 #define ALIKE int
 #ifndef WIDTH

@@ -1,8 +1,8 @@
 // Half spectra of real volumes: magnitude, whitening, cross-power.
 //
 // Layout: complex64 as interleaved floats, C order; a row (last axis) is PITCH complex numbers of which the first
-// N/2 + 1 are valid and the rest is padding. PITCH is a multiple of 8, so rows are walked LANES numbers at a time;
-// whatever the padding holds, whitening leaves finite numbers in it and cross-powers multiply it by 0.
+// N/2 + 1 are valid and the rest is padding. PITCH is a multiple of 8, so a work-item takes LANES numbers at a
+// time. The padding may hold anything: whitening makes it finite, and cross-powers multiply it by 0.
 // Precondition: the axes before the last are even (for the centering).
 #include "device/lanes.cl"
 #define LANE floatn
@@ -45,7 +45,7 @@ __kernel void magnitude(__global const float* const restrict spectrum, __global 
     }
 }
 
-// The product target conj(source) of LANES numbers is added to re and im.
+// Add the product target conj(source) of LANES numbers to re and im.
 static inline void add_cross(__global const float* const target, __global const float* const source, floatn* re,
                              floatn* im) {
     floatn a, b, c, d;
@@ -55,7 +55,7 @@ static inline void add_cross(__global const float* const target, __global const 
     *im += b * c - a * d;
 }
 
-// The product with gains along the three axes: gain0 (n0), gain1 (n1), gain2 (pitch, 0 in the padding).
+// The product times gains along the three axes: gain0 (n0), gain1 (n1), gain2 (pitch, 0 in the padding).
 __kernel void cross_power(__global const float* const target, __global const float* const source,
                           __global float* const out, __global const float* const restrict gain0,
                           __global const float* const restrict gain1, __global const float* const restrict gain2,
@@ -73,7 +73,7 @@ __kernel void cross_power(__global const float* const target, __global const flo
     }
 }
 
-// The same summed over layers into one image; gain1 is along its rows (n1), gain2 along its columns. One work-item:
+// The products summed over layers into one image; gain1 is along its rows (n1), gain2 along its columns. One work-item:
 // LANES adjacent numbers of the image.
 __kernel void sum_layers(__global const float* const restrict target, __global const float* const restrict source,
                          __global float* const restrict out, __global const float* const restrict gain1,

@@ -1,6 +1,6 @@
 """Half spectra of real volumes: magnitude, whitening, cross-power.
 
-The arrays are half spectra as `kernels.fft.transform` makes them: complex64 (n0, n1, `row_pitch(n2)`), of which the
+The arrays are half spectra as `kernels.fft.transform` makes them: complex64 (n0, n1, `row_pitch(n2)`), whose
 last axis is valid up to n2/2 (docs/conventions.md).
 """
 
@@ -24,7 +24,7 @@ def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | N
         edge: even.
 
     Returns:
-        (edge, edge, edge/2 + 1) float32: index i of axes 0 and 1 is frequency i - edge/2, axis 2 is from 0.
+        (edge, edge, edge/2 + 1) float32: index i of axes 0 and 1 is frequency i - edge/2, axis 2 starts at 0.
     """
     _require_edges(edge)
     half, pitch = edge // 2, row_pitch(edge)
@@ -41,12 +41,12 @@ def whiten(device: Device, spectrum: cla.Array, exponent: float = 1.0, out: cla.
 
     Args:
         spectrum: complex64 of any shape whose last axis is a multiple of 8.
-        exponent: a number without a unit. 1 leaves the phase alone, as phase-only matched filtering does; 0 leaves the
-            spectrum as it is, as plain correlation does; between, strong frequencies keep a part of their weight.
+        exponent: without a unit. 1 keeps only the phase, for phase-only matched filtering; 0 keeps the spectrum, for
+            plain correlation; values between keep a part of the weight of strong frequencies.
         out: the same shape, to write to; may be the spectrum itself.
     """
     if not 0 <= exponent <= 1:
-        raise InputError(f"`exponent={exponent}` is out of range; give 0, plain correlation, to 1, phase only")
+        raise InputError(f"`exponent={exponent}` is out of range; give 0, plain correlation, to 1, phase-only")
     shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
     if shape[-1] % _WHITEN_AT_ONCE:
         raise InputError(
@@ -70,7 +70,7 @@ def cross_power(
 
     Args:
         target, source: (n0, n1, `row_pitch(n2)`) complex64, whitened.
-        shape: (n0, n1, n2), of the volumes.
+        shape: (n0, n1, n2) of the volumes.
         blur: standard deviations, along each axis, of the Gaussian that the correlation is convolved with [voxels]: the
             product is weighted with exp(-2 pi^2 |blur f|^2), f in cycles per voxel. 0 along an axis that counts images.
         out: like target, to write to; may be target or source itself. Its padding is set to 0.
@@ -128,7 +128,7 @@ def half_gain(n: int, blur: float) -> np.ndarray:
 
 
 def half_weights(n: int) -> np.ndarray:
-    """(`row_pitch(n)`,) float32: how often a number along the halved axis stands in the whole one; 0 in the padding."""
+    """(`row_pitch(n)`,) float32: how often each number of the halved axis occurs in the full one; 0 in the padding."""
     weights = np.zeros(row_pitch(n), np.float32)
     weights[1 : n // 2] = 2
     weights[[0, n // 2]] = 1
@@ -157,23 +157,23 @@ class Pomf:
         self._scratch: cla.Array | None = None
 
     def transform(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The half spectrum of a volume as it is; arguments, result and errors as in `prepare`."""
+        """The half spectrum of a volume, not whitened; arguments, result and errors as in `prepare`."""
         return self._fft.forward(volume, out=out)
 
     def prepare(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The whitened half spectrum of a volume; in `out`, (n0, n1, `row_pitch(n2)`) complex64, or a new array, which
-        costs page faults, as much time as the transform."""
+        """The whitened half spectrum (n0, n1, `row_pitch(n2)`) complex64 of a volume. Without `out` a new array is
+        allocated, whose page faults take as long as the transform."""
         spectrum = self.transform(volume, out=out)
         return whiten(self.device, spectrum, out=spectrum)
 
     def correlate(self, target: cla.Array, source: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """(n0, n1, n2) float32 the correlation of two volumes from `prepare`; batched: image by image."""
+        """Correlation (n0, n1, n2) float32 of two spectra from `prepare`; image by image if batched."""
         blur = 0.0 if self.batched else self.blur, self.blur, self.blur
         self._scratch = cross_power(self.device, target, source, self.shape, blur, out=self._scratch)
         return self._fft.inverse(self._scratch, out=out)
 
     def correlate_layers(self, target: cla.Array, source: cla.Array) -> cla.Array:
-        """The sum (n1, n2), float32, over the images' correlations, of two prepared batches."""
+        """Sum (n1, n2) float32 of the images' correlations of two batches from `prepare`."""
         if self._image_fft is None:
             raise InputError("correlate_layers sums over images: make the Pomf with batched=True")
         summed = sum_layers(self.device, target, source, self.shape, self.blur)

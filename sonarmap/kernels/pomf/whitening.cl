@@ -1,8 +1,8 @@
-// What whitening multiplies a frequency's number with: |F|^-exponent by its power |F|^2, and 0 where |F| is at most
-// FLOOR, infinite or not a number.
+// The factor that whitens a frequency, |F|^-exponent, from its power |F|^2; 0 where |F| is at most FLOOR, infinite or
+// not a number.
 //
-// The usual exponents need no logarithm, which takes three times as long. LANE and ALIKE are the type of a real part and
-// the type of its comparison: float8 and int8 where eight numbers are taken at a time, float and int elsewhere.
+// Exponents 1 and 0.5 need no powr, which takes three times as long. LANE is the type of a real part and ALIKE that of
+// its comparison: float8 and int8 for eight numbers at a time, float and int for one.
 // Precondition: FLOOR^2 is a normal float.
 #ifndef FLOOR
 #define FLOOR 1e-9f
@@ -19,7 +19,7 @@ static inline LANE whitening(const LANE power, const float exponent) {
     return select((LANE)(0.0f), scale, (ALIKE)(power > FLOOR * FLOOR && power < INFINITY));
 }
 
-// target conj(source whitened) times a gain; what is whitened to 0 stays out of it, be it no number.
+// target conj(whitened source) times a gain; a source number whose factor is 0 counts as 0, even if it is NaN.
 static inline void whitened_product(const LANE tr, const LANE ti, const LANE sr, const LANE si, const LANE gain,
                                     const float exponent, LANE* const re, LANE* const im) {
     const LANE scale = whitening(sr * sr + si * si, exponent);
