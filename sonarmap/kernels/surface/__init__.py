@@ -1,5 +1,5 @@
-"""Points of surfaces in cells: which lies nearest, which planes they show, what two surfaces share, how they meet.
+"""Surfaces as points in cells: nearest neighbors, fitted planes, the overlap of two surfaces, and refined poses.
 
-In: points, normals and poses. Out: neighbors, smoothed surfaces, shares, and the refined poses with the sums that their
-fits are judged by. `cells.cl` holds the one search that all of them use.
+In: points, normals and poses. Out: neighbors, smoothed surfaces, overlaps, and refined poses with the sums that rate
+their fits. `cells.cl` holds the nearest-neighbor search that all of them use.
 """

@@ -1,19 +1,19 @@
-// The nearest points of a surface, from cells of sorted points: from the inside out, until no cell can hold a nearer one.
+// Nearest-neighbor search among points sorted into cells: ring by ring, until no cell can hold a nearer point.
 //
-// Layout: points (m) float4, x, y, z and the bits of the point's number (int), sorted by cell; starts (cells + 1) int32,
-// where each cell's points begin; box holds the cells' origin in s012, their size in s3, and how many there are along
-// each axis in s456. A cell's number is (x * NY + y) * NZ + z, so that a run of cells along z is a run of points. Points
-// beyond the box are in the cells at its border: no point is missed, wherever it lies.
-// Kept are the places, in `points`, of the nearest KEPT points, 1 or 16, by distance and then by place, so that the
-// result does not depend on the order in which cells are visited.
+// Layout: points (m) float4, x, y, z and the bits of the point's number (int), sorted by cell; starts (cells + 1)
+// int32, where each cell's points begin; box holds the cells' origin in s012, their size in s3, and their number along
+// each axis in s456. A cell's number is (x * NY + y) * NZ + z, so that a run of cells along z is a run of points.
+// Points beyond the box are in the cells at its border, so that the search finds them too.
+// The search keeps the indices, in `points`, of the nearest KEPT points, 1 or 16, by distance and then by index, so
+// that the result does not depend on the order in which cells are visited.
 #ifndef KEPT
 #define KEPT 1
 #endif
 
 #if KEPT == 1
 typedef struct {
-    float worst;  // squared distance of the farthest that is kept, or the reach while there are fewer
-    int index;    // -1 while there is none; counts as the last
+    float worst;  // squared distance of the farthest kept point, or the squared reach while there are fewer
+    int index;    // -1 without a point; orders as the last
 } Kept;
 
 static Kept none(const float reach) { return (Kept){reach, -1}; }
@@ -36,7 +36,7 @@ static void indices_of(const Kept* const kept, int* const out) { vstore16(kept->
 
 static void keep(Kept* const kept, const float squared, const int index) {
     if (!(squared < kept->worst || (squared == kept->worst && (uint)index < (uint)kept->index.sf))) return;
-    // all from the new point's place on move up by a lane
+    // points after the new one move up by a lane
     const int16 after = kept->squared > squared || (kept->squared == squared && as_uint16(kept->index) > (uint)index);
     const int16 beyond = (int16)(0, after.s01234567, after.s89ab, after.scde);
     const float16 moved = (float16)(squared, kept->squared.s01234567, kept->squared.s89ab, kept->squared.scde);
@@ -66,7 +66,7 @@ static Kept search(__global const float4* const restrict points, __global const 
     Kept kept = none(reach_squared);
     const float size = box.s3;
     const int3 count = (int3)((int)box.s4, (int)box.s5, (int)box.s6);
-    // NaN goes to cell 0, where nothing is near it
+    // NaN goes to cell 0, where no point is near it
     const int3 cell = clamp(convert_int3_sat(floor((place - box.s012) / size)), (int3)(0), count - 1);
     const float3 begin = box.s012 + convert_float3(cell) * size;
     const float3 inside = fmin(place - begin, begin + size - place);
@@ -99,11 +99,11 @@ static Kept search(__global const float4* const restrict points, __global const 
     return kept;
 }
 
-// A point of a surface, with what is known of it: 12 float32.
+// An element of a surface: 12 float32.
 //
 // s012 the point, s3 whether it has neighbors on all sides (1) or lies at a rim (0), s456 the unit normal, of either
-// sign, s7 the number of the direction that the normal is nearest to, s89a the ray to the point from where it was seen,
-// 0 where that is not known, sb unused.
+// sign, s7 the number of the direction nearest to the normal, s89a the ray from the sensor to the point, 0 if not
+// known, sb unused.
 typedef struct {
     float4 point;
     float4 normal;
@@ -114,7 +114,7 @@ static Element element(__global const float4* const restrict elements, const int
     return (Element){elements[3 * n], elements[3 * n + 1], elements[3 * n + 2]};
 }
 
-// A point moved by the rows of [R | t], a vector by R, a point back, and a vector back by the inverse.
+// R v, the inverse of R times v, and t, of a pose whose rows are [R | t].
 static float3 turned(const float16 T, const float3 v) {
     return (float3)(dot(T.s012, v), dot(T.s456, v), dot(T.s89a, v));
 }

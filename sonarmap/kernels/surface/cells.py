@@ -1,4 +1,4 @@
-"""Points in cells on the device: the nearest of them to other points, and the planes that their neighbors show."""
+"""Points sorted into cells on the device: nearest-neighbor search, and planes fitted to the neighbors."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,16 @@ from sonarmap.kernels.device.arrays import upload_places, upload_poses
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import lanes, launch, require_array, table
 
-_SIZE = 2.0  # of a cell [voxels]: a surface has about a point a voxel, and most nearest points lie in a cell of four
-# Most cells; where there would be more, they are larger.
-_CELLS = 16  # for each point
-_FEWEST = 4096  # in any case
-_OUT = 0.01  # share of the points at either end of an axis that the cells leave out if they lie far out
+_CELL_SIZE = 2.0  # [voxels]; a surface has about a point in a voxel, and most nearest points lie in a cell of four
+_CELLS_PER_POINT = 16  # most cells for a point; where there would be more, the cells are larger
+_FEWEST_CELLS = 4096  # allowed however few the points are
+_TRIM = 0.01  # share of the points at either end of an axis that the cells leave out if they are outliers
 
 
 @dataclass(frozen=True, slots=True)
 class Cells:
     points: cla.Array  # device (m, 4) float32 x, y, z and the bits of the point's number [any length unit]
-    starts: cla.Array  # device (cells + 1,) int32, where each cell's points begin
+    starts: cla.Array  # device (cells + 1,) int32, index of each cell's first point
     box: np.void  # origin (3), size and numbers of the cells (3) as a float8 kernel argument
 
     def __len__(self) -> int:
@@ -28,33 +27,33 @@ class Cells:
 
     @property
     def arguments(self) -> tuple[cla.Array, cla.Array, np.void]:
-        """What `search` of cells.cl takes first."""
+        """The first arguments of `search` in cells.cl."""
         return self.points, self.starts, self.box
 
 
 @dataclass(frozen=True, slots=True)
 class Elements:
-    """The points of a surface on the device that they were prepared on."""
+    """The points of a surface, on the device that prepared them."""
 
-    rows: cla.Array  # device (m, 12) float32, point, normal and ray of each as `cells.cl` has them
+    rows: cla.Array  # device (m, 12) float32, point, normal and ray of each, in the layout of cells.cl
     cells: Cells  # the same points, to search among
 
     def __len__(self) -> int:
         return int(self.rows.shape[0])
 
     def thinned(self, most: int) -> tuple[int, int]:
-        """`most` of the points at most, evenly: their number, and the step from one to the next."""
+        """Number of points, and the step between them, of an even choice of at most `most`."""
         step = max(1, -(-len(self) // most))
         return -(-len(self) // step), step
 
 
 def sort_into_cells(device: Device, points: np.ndarray) -> Cells:
-    """Points (m, 3), at least one, in cells; float32 is what their distances are rounded to [any length unit]."""
+    """Sort points (m, 3), at least one, into cells; coordinates are rounded to float32 [any length unit]."""
     places = np.asarray(points, np.float32)
     origin, side, counts = _box(places)
     cell = np.clip((places - origin) / side, 0, counts - 1).astype(np.int32)
     number = (cell[:, 0] * counts[1] + cell[:, 1]) * counts[2] + cell[:, 2]
-    # one number to sort by, the place behind the cell
+    # one sort key, the point's index in the low bits below its cell
     order = np.sort((number.astype(np.int64) << 32) | np.arange(len(number))).astype(np.int32)
     starts = np.zeros(int(counts.prod()) + 1, np.int32)
     np.cumsum(np.bincount(number, minlength=len(starts) - 1), out=starts[1:])
@@ -69,15 +68,15 @@ def sort_into_cells(device: Device, points: np.ndarray) -> Cells:
 
 
 def _box(places: np.ndarray) -> tuple[np.ndarray, np.float32, np.ndarray]:
-    """Origin (3,) float32, size and numbers (3,) int32 of cells that hold the bulk of the points; larger ones where
-    these are sparse."""
-    size = _SIZE
+    """Origin (3,) float32, size and numbers (3,) int32 of cells around the bulk of the points; sparse points get larger
+    cells."""
+    size = _CELL_SIZE
     # axis by axis: NumPy takes 20 times as long for short rows
     low, high = (np.array([end(axis) for axis in places.T], np.float64) for end in (np.min, np.max))
-    most = max(_CELLS * len(places), _FEWEST)
+    most = max(_CELLS_PER_POINT * len(places), _FEWEST_CELLS)
     if np.prod(np.floor((high - low) / size) + 1) > most:
-        ordered, out = np.sort(places, axis=0), int(_OUT * len(places))
-        inner = ordered[out].astype(np.float64), ordered[len(places) - 1 - out].astype(np.float64)
+        ordered, trim = np.sort(places, axis=0), int(_TRIM * len(places))
+        inner = ordered[trim].astype(np.float64), ordered[len(places) - 1 - trim].astype(np.float64)
         around = 0.25 * (inner[1] - inner[0]) + size
         low, high = np.maximum(low, inner[0] - around), np.minimum(high, inner[1] + around)
     while np.prod(np.floor((high - low) / size) + 1) > most:
@@ -86,7 +85,7 @@ def _box(places: np.ndarray) -> tuple[np.ndarray, np.float32, np.ndarray]:
     return low.astype(np.float32), np.float32(size), counts
 
 
-GROUP = 64  # work-items that share what a launch of a group costs
+GROUP = 64  # work-items of a group, which share the cost of its launch
 
 
 def padded(count: int) -> int:
@@ -97,10 +96,10 @@ def padded(count: int) -> int:
 def find_nearest(
     device: Device, cells: Cells, places: cla.Array, R: np.ndarray, t: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest point of the cells to each of n places, p = R place + t, under each of k poses.
+    """The nearest point of the cells to each of n places, moved to R place + t, under each of k poses.
 
-    Places are from `upload_places` [the cells' unit]. Returns distances (k, n) float32, infinite where nothing is
-    within reach, and numbers (k, n) int32 of the points, -1 there; of points equally far the first.
+    Places are from `upload_places` [the cells' unit]. Returns distances (k, n) float32 and indices (k, n) int32 of the
+    points: infinite and -1 where no point is within reach. Of equally near points the first in the cells is taken.
     """
     count, _ = require_array(places, "places", (None, 4))
     poses = upload_poses(device, R, t)
@@ -112,23 +111,23 @@ def find_nearest(
     return np.sqrt(squared.get()), index.get()
 
 
-NEIGHBORS = 16  # of a plane: enough to average noise of a voxel's size, few enough to keep edges
+NEIGHBORS = 16  # points of a plane: enough to average noise of a voxel's size, few enough to keep edges
 
 
 def fit_planes(
     device: Device, cells: Cells, directions: np.ndarray, viewpoints: np.ndarray, *, farthest: float, aside: float
 ) -> cla.Array:
-    """The points of the cells moved along the normal onto the plane of their neighbors, by total least squares.
+    """Fit a plane to each point's neighbors by total least squares, and move the point along the normal onto it.
 
     Args:
         cells: of m points, at least 3.
-        directions: (d, 3) unit vectors.
-        viewpoints: (v, 3) where the points were seen from, each from the nearest; none: not known.
-        farthest: a point farther than this from its plane stays [the points' unit].
-        aside: a point whose neighbors' middle is farther away than this share of their spread is at a rim.
+        directions: (d, 3) unit vectors; the nearest one to each normal is noted.
+        viewpoints: (v, 3) sensor positions; the nearest one saw the point. Empty if not known.
+        farthest: a point farther than this from its plane is not moved [the points' unit].
+        aside: a point is at a rim if the mean of its neighbors is farther away than this share of their spread.
 
     Returns:
-        device (m, 12) float32 as `cells.cl` has it, in the points' own order.
+        device (m, 12) float32 in the layout of cells.cl and the points' original order.
     """
     elements = device.empty((len(cells), 12))
     known = table(device, np.column_stack([directions, np.zeros(len(directions))]).astype(np.float32))

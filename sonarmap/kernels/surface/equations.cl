@@ -1,10 +1,9 @@
-// Sums over pairs of points: the normal equations of a point-to-plane step, and how well the planes hold a pose.
+// Sums over pairs of points: the normal equations of a point-to-plane step, and how well the planes constrain a pose.
 //
-// Layout: rows (k, count) float16 as in pairs.cl; records (k, RECORD) and sums (k, parts,
-// SUMS_COUNT) as in real.cl: the matrix of
-// the pairs that move the pose, of all pairs, and of all with one scan's normals times the other's; the gradient by those
-// that move it, the weights' total, and the sum of the weighted squared gaps. A gap's derivative J has
-// 8 parts: by a turn, by a shift, by the stretches of both scans. The weights are those of Geman and McClure.
+// Layout: rows (k, count) float16 as in pairs.cl; records (k, RECORD) and sums (k, parts, SUMS_COUNT) as in real.cl:
+// the matrix of the pairs that move the pose, of all pairs, and of all with one scan's normals times the other's; the
+// gradient of those that move it, the total weight, and the sum of the weighted squared gaps. The derivative of a gap
+// has 8 parts: by turn, by shift, by the stretches of both scans. The weights are those of Geman and McClure.
 #include "surface/real.cl"
 #ifndef LANES
 #define LANES 1
@@ -14,11 +13,11 @@
 #endif
 
 typedef struct {
-    float8 ours;    // the gap's derivative by one scan's normal
-    float8 theirs;  // and by the other's
+    float8 ours;    // the gap's derivative with one scan's normal
+    float8 theirs;  // the same with the other scan's normal
     float gap;
-    float weight;  // of the pair
-    float moving;  // of the pair, if it moves the pose
+    float weight;
+    float moving;  // the weight if the pair moves the pose, else 0
 } Pair;
 
 static float8 derivative(const float3 arm, const float3 normal, const float2 by_stretch) {
@@ -77,7 +76,7 @@ __kernel void add_up(__global const float16* const restrict rows, __global const
     out[SQUARES] = squares;
 }
 #else
-// One group: PART pairs of a pose; a work-item adds up one of the sums, as the pairs pass by in local memory.
+// One group: PART pairs of a pose, staged in local memory; each work-item adds up one of the sums.
 __kernel void add_up(__global const float16* const restrict rows, __global const real* const restrict records,
                      __global real* const restrict sums, const int count, const float scale, const int stretches) {
     __local float passing[32][20];
@@ -109,7 +108,8 @@ __kernel void add_up(__global const float16* const restrict rows, __global const
 }
 #endif
 
-// Squares of what each pair adds to the information that both scans share, along its axes: out (k, parts, 8). One work-item: one of the axes over PART pairs.
+// Squares of each pair's share of the shared information, along its axes: out (k, parts, 8). One work-item: an axis
+// over PART pairs.
 __kernel void add_doubts(__global const float16* const restrict rows, __global const real* const restrict records,
                          __global real* const restrict out, const int count, const float scale, const int stretches) {
     const int axis = get_global_id(0) % 8;

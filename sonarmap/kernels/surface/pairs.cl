@@ -1,12 +1,12 @@
-// Pairs of nearest points of two surfaces, both ways, under each of many poses; and how far apart they usually are.
+// Pairs of nearest points of two surfaces, from each to the other, under many poses; and the median gap of the pairs.
 //
-// Layout: of both surfaces points, starts and box, and elements, as in cells.cl, and how many of these, every
-// `step`-th, take part; records (k, RECORD) as in real.cl; rows (k, n) float16, n the source's points, then the target's:
-// s012 the normal of the surface whose plane the source's point is to lie in, in the target's axes, s3 how far it stands
-// off that plane, s456 the source's point from its grid's center in the target's axes, s7 0 for a pair beyond reach, 1
-// for one at a rim or on two sides of a plate, else 2, s89a the other scan's surface there, turned to the side of the
-// normal, sbc how the gap changes with the stretch of the source and of the target, sd the
-// width of the weights' bell. Points may be so far apart: `tried`, or BELLS times that width where that is more.
+// Layout: of both surfaces points, starts, box and elements as in cells.cl; `count` elements, every `step`-th, take
+// part. records (k, RECORD) as in real.cl; rows (k, n) float16, n the source's points, then the target's: s012 the
+// plane's normal in the target's axes, s3 the gap: how far the source's point lies off that plane, s456 the source's
+// point from its grid's center in the target's axes, s7 0 for a pair beyond reach, 1 for a pair at a rim or on two
+// sides of a plate, else 2, s89a the other surface's normal, turned to the same side, sbc the gap's derivatives by the
+// stretch of the source and of the target, sd the width of the weights' bell. The reach is `tried`, or BELLS times that
+// width if that is more.
 #include "surface/cells.cl"
 #include "surface/real.cl"
 #ifndef LANES
@@ -16,7 +16,7 @@
 #define BELLS 4.0f
 #endif
 
-// One work-item: a point under a pose. Where `near` is 0 rims count as the others do.
+// One work-item: a point under a pose. If `near` is 0, rims count like other points.
 __kernel void pairs(__global const float4* const restrict target_points,
                     __global const int* const restrict target_starts, const float8 target_box,
                     __global const float4* const restrict target_elements, const int target_count,
@@ -59,7 +59,7 @@ __kernel void pairs(__global const float4* const restrict target_points,
                      facing * sign(dot(normal, facing)), source_ray, -target_ray, bell, 0.0f, 0.0f);
 }
 
-// How many of a pose's pairs within reach have gaps of at most `bits`; how far the next gap is, if any.
+// Number of a pose's pairs within reach whose gap, as the bits of a float, is at most `bits`.
 static int count_gaps(__global const float16* const restrict rows, const int count, const int bits, const int lane,
                       __local int* const sums) {
     int sum = 0;
@@ -72,7 +72,7 @@ static int count_gaps(__global const float16* const restrict rows, const int cou
     return total;
 }
 
-// The gap that `rank` others are not above: bits of positive floats order as integers do.
+// The gap of this rank, from 0, bit by bit: bits of positive floats order as integers do.
 static int ranked_gap(__global const float16* const restrict rows, const int count, const int rank, const int lane,
                       __local int* const sums) {
     int bits = 0;
@@ -83,7 +83,7 @@ static int ranked_gap(__global const float16* const restrict rows, const int cou
     return bits;
 }
 
-// The median gap of each pose's pairs becomes its width; one group a pose. Where there is no pair it stays.
+// Set each pose's width to the median gap of its pairs; without pairs it stays. One group: a pose.
 __kernel void widths(__global const float16* const restrict rows, __global real* const restrict records,
                      const int count) {
     __local int sums[LANES];

@@ -1,10 +1,10 @@
-// The plane of each point's 16 nearest neighbors, itself among them, and the point moved along the normal onto it.
+// Fit a plane to each point's 16 nearest neighbors, itself among them, and move the point along the normal onto it.
 //
-// Layout: points, starts and box as in cells.cl; directions (DIRECTIONS) float4 unit vectors, of which x, y, z count; viewpoints
-// (views) float4 likewise; elements (m, 12) float32 likewise, by the points' numbers.
-// A point farther than `farthest` from its plane stays. One whose neighbors' middle lies farther away than the share
-// `aside` of their spread is at a rim. One work-item: LANES points in the order of the cells, so that neighbors are at
-// hand; searched one after the other, then all at once.
+// Layout: points, starts and box as in cells.cl; directions (DIRECTIONS) float4 unit vectors and viewpoints (views)
+// float4, both without use of w; elements (m, 12) float32 as in cells.cl, by the points' numbers.
+// A point farther than `farthest` from its plane is not moved. A point is at a rim if the mean of its neighbors is
+// farther away than the share `aside` of their spread. One work-item: LANES points in the order of the cells, whose
+// neighbors are close in memory; it searches for one point after the other, then fits all planes at once.
 #define KEPT 16
 #include "device/lanes.cl"
 #include "surface/cells.cl"
@@ -22,7 +22,7 @@ static inline Vector chosen(const Vector no, const Vector yes, const intn which)
     return (Vector){select(no.x, yes.x, which), select(no.y, yes.y, which), select(no.z, yes.z, which)};
 }
 
-// What a point's neighbors are: their middle from the point, and the sums of the squares and products about it.
+// Moments of a point's neighbors: their mean, from the point, and the sums of squares and products about the mean.
 enum { X, Y, Z, MIDDLE_X, MIDDLE_Y, MIDDLE_Z, XX, YY, ZZ, XY, XZ, YZ, MOMENTS };
 
 static void measure(__global const float4* const restrict points, __global const int* const restrict starts,
@@ -45,12 +45,12 @@ static void measure(__global const float4* const restrict points, __global const
     for (int k = 0; k < MOMENTS; ++k) moments[k * LANES + lane] = values[k];
 }
 
-// One turn of Jacobi's method, which makes `off` 0 (Golub and Van Loan, Matrix Computations, sect. 8.5); the squares
-// a and b, what both have with the third axis, and both axes.
+// A rotation of Jacobi's method, which makes `off` 0 (Golub and Van Loan, Matrix Computations, sect. 8.5): it changes
+// the diagonal elements a and b, those that both have with the third axis, and both axes.
 static inline void turn_axes(floatn* const a, floatn* const b, floatn* const off, floatn* const a_third,
                              floatn* const b_third, Vector* const axis_a, Vector* const axis_b) {
     const floatn ratio = (*b - *a) / (2.0f * *off);
-    // far beyond 1e18 its square would be infinite, and the turn is nothing; so it is where `off` is 0 already
+    // far beyond 1e18 its square would overflow, and the rotation is none; so it is where `off` is 0 already
     const floatn steep = copysign((floatn)(1.0f), ratio) / (fabs(ratio) + sqrt(ratio * ratio + 1.0f));
     const floatn t = select((floatn)(0.0f), steep, fabs(ratio) < 1e18f && *off != 0.0f);
     const floatn c = rsqrt(t * t + 1.0f);
@@ -67,7 +67,7 @@ static inline void turn_axes(floatn* const a, floatn* const b, floatn* const off
     *axis_b = (Vector){s * axis.x + c * other.x, s * axis.y + c * other.y, s * axis.z + c * other.z};
 }
 
-// The axis along which the neighbors spread least, and their squares along it.
+// The axis along which the neighbors spread least, and their sum of squares along it.
 static inline Vector least_axis(const float* const moments, floatn* const least) {
     floatn a = loadn(moments + XX * LANES), b = loadn(moments + YY * LANES), c = loadn(moments + ZZ * LANES);
     floatn ab = loadn(moments + XY * LANES), ac = loadn(moments + XZ * LANES), bc = loadn(moments + YZ * LANES);
@@ -86,7 +86,7 @@ static inline Vector least_axis(const float* const moments, floatn* const least)
     return (Vector){axis.x * scale, axis.y * scale, axis.z * scale};
 }
 
-// The number of the direction that is nearest to the normal, of either sign.
+// The number of the direction that is nearest to the normal or its opposite.
 static inline floatn nearest_direction(__global const float4* const restrict directions, const Vector normal) {
     floatn direction = 0.0f;
     floatn along = -1.0f;
@@ -99,7 +99,7 @@ static inline floatn nearest_direction(__global const float4* const restrict dir
     return direction;
 }
 
-// From the nearest viewpoint to the points; 0 where there is none.
+// The rays from the nearest viewpoint to the points; 0 without viewpoints.
 static inline Vector ray_of(__global const float4* const restrict viewpoints, const int views, const Vector points) {
     const floatn no = 0.0f;
     Vector ray = {no, no, no};
@@ -122,7 +122,7 @@ __kernel void planes(__global const float4* const restrict points, __global cons
     if (n >= count) return;
     const int neighbors = min(count, 16);
     float moments[MOMENTS * LANES];
-    // those beyond the last are the last again
+    // lanes beyond the last point repeat it
     for (int lane = 0; lane < LANES; ++lane)
         measure(points, starts, box, points[min(n + lane, count - 1)].xyz, neighbors, lane, moments);
     const Vector own = {loadn(moments + X * LANES), loadn(moments + Y * LANES), loadn(moments + Z * LANES)};

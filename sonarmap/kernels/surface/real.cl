@@ -1,4 +1,4 @@
-// Numbers of double precision where the device has them: sums of squares hold directions apart that differ a billionfold.
+// Double precision where the device has it: the information on a pose may differ by a factor of 1e9 between directions.
 #if FP64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 typedef double real;
@@ -9,10 +9,10 @@ typedef float real;
 typedef float8 real8;
 #define convert_real8 convert_float8
 #endif
-// Of each pose a record: its state, 9 of the rotation, 3 of the shift, how far the surfaces usually are apart, 2 stretches;
-// the sums of a step, 3 matrices 8 x 8, a gradient, the weights' total and the weighted squares of the gaps; 6 axes of 8
-// numbers, of which 6 count; 8 squared doubts, of which 6 count; and the state that the last step leads to, if the pairs
-// alone decide.
+// The record of a pose: its state (9 numbers of the rotation, 3 of the shift, the width, which is the median gap
+// between the surfaces, and 2 stretches); the sums of a step (3 matrices 8 x 8, a gradient, the total weight and the
+// weighted squared gaps); 6 axes of 8 numbers, 6 of them used; 8 doubts, 6 of them used; and the state after the last
+// step by the pairs alone.
 #define SHIFT 9
 #define WIDTH 12
 #define STRETCH 13
@@ -22,7 +22,7 @@ typedef float8 real8;
 #define NEXT 280
 #define RECORD 296
 #define STATE 15
-// Among the sums.
+// Offsets among the sums.
 #define SUMS_COUNT 208
 #define WHOLE 64
 #define SHARED 128

@@ -1,7 +1,6 @@
-"""Point-to-plane steps of several poses on the device: pairs of nearest points, normal equations, and their solution.
+"""Point-to-plane refinement of several poses on the device: pairs of nearest points, normal equations, their solution.
 
-Nothing comes back between the steps, unless the caller takes them: a `Record` is read when it is wanted, and where the
-poses are is known on the device before.
+The poses stay on the device between the steps. The host reads a `Record` of the last step, when it needs one.
 """
 
 from dataclasses import dataclass
@@ -16,41 +15,39 @@ from sonarmap.kernels.device.launch import launch
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.surface.cells import GROUP, Elements, padded
 
-# A row of numbers as real.cl has it.
+# Layout of a record, as in real.cl.
 STATE = 15  # numbers of a state
-SUMS = 16  # where the sums begin
+SUMS = 16  # first of the sums
 SUMS_COUNT = 208
-DOUBTS = 272  # where they begin
-NEXT = 280  # where the next state begins
+DOUBTS = 272  # first of the doubts
+NEXT = 280  # first of the next state
 LENGTH = 296
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Where k poses are, the sums of the last step there, and where it leads; float64."""
+    """State of k poses, the sums over their pairs, and the state after the step that these lead to; float64."""
 
-    turn: np.ndarray  # (k, 3, 3) and
+    turn: np.ndarray  # (k, 3, 3) rotations R, and
     shift: np.ndarray  # (k, 3), p_target = R p_source + shift about the grid centers [voxels]
-    width: np.ndarray  # (k,) how far the surfaces usually are apart [voxels]
-    stretch: np.ndarray  # (k, 2) of the source and of the target
-    # moving, whole, shared: (k, 8, 8) sums of the weights times the gaps' derivatives, by turn, shift and stretches: of
-    # the pairs that move the pose, of all, and with one scan's normals times the other's (not symmetric)
-    moving: np.ndarray
-    whole: np.ndarray
-    shared: np.ndarray
-    gradient: np.ndarray  # (k, 8) of the pairs that move the pose, times the gaps
-    # total, squares: (k,) of the weights, and times the squared gaps
-    total: np.ndarray
-    squares: np.ndarray
-    doubts: np.ndarray  # (k, 6) sums of the squares of what each pair adds to `shared` along the principal axes
-    # next_turn, next_shift, next_stretch: where the step leads, if the pairs alone decide
+    width: np.ndarray  # (k,) median gap between the surfaces [voxels]
+    stretch: np.ndarray  # (k, 2) stretches of the ranges of the source and of the target
+    # (k, 8, 8) weighted sums of J^T J, with J the derivatives of a pair's gap by turn, shift and both stretches
+    moving: np.ndarray  # of the pairs that move the pose
+    whole: np.ndarray  # of all pairs
+    shared: np.ndarray  # of all pairs, with one J by the other scan's normal (not symmetric)
+    gradient: np.ndarray  # (k, 8) weighted sum of J times the gap, of the pairs that move the pose
+    total: np.ndarray  # (k,) sum of the weights
+    squares: np.ndarray  # (k,) weighted sum of the squared gaps
+    doubts: np.ndarray  # (k, 6) sums of the squares of each pair's share of `shared` along the principal axes
+    # the state after a step by the pairs alone
     next_turn: np.ndarray
     next_shift: np.ndarray
     next_stretch: np.ndarray
 
     @classmethod
     def of(cls, rows: np.ndarray) -> "Record":
-        """From rows (k, LENGTH) as real.cl has them."""
+        """Records from rows (k, LENGTH) in the layout of real.cl."""
         rows = rows.astype(np.float64)
         moving, whole, shared = rows[:, SUMS : SUMS + 192].reshape(-1, 3, 8, 8).transpose(1, 0, 2, 3)
         state, following = rows[:, :STATE], rows[:, NEXT : NEXT + STATE]
@@ -73,7 +70,7 @@ class Record:
 
 
 def state_rows(turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: np.ndarray | None) -> np.ndarray:
-    """Rows (k, LENGTH) float64 to begin with, of rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2)."""
+    """First rows (k, LENGTH) float64, of rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2)."""
     rows = np.zeros((len(shift), LENGTH))
     rows[:, :9], rows[:, 9:12], rows[:, 12] = turn.reshape(-1, 9), shift, width
     rows[:, 13:STATE] = 0 if stretch is None else stretch
@@ -82,36 +79,34 @@ def state_rows(turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: 
     return rows
 
 
-_PART = 128  # pairs of a work-item of a processor, or of a group elsewhere
+_PART = 128  # pairs of a work-item on a CPU, of a group on a GPU
 
 
 @dataclass(frozen=True, slots=True)
 class Weighting:
-    # The width of the weights' bell is the larger of two.
-    bell: float  # share of how far apart points may be
-    wide_bell: float  # share of how far the surfaces usually are apart
-    bells: float  # points as many widths of the bell apart as this no longer count
-    # least reach at which how far the surfaces usually are apart is measured; below it rims do not move the pose
-    measured: float
+    # The weight falls with the gap, as a bell whose width is the larger of two.
+    bell: float  # share of the reach
+    wide_bell: float  # share of the surfaces' median gap
+    bells: float  # pairs count up to this many widths of the bell, or up to the reach if that is more
+    measured: float  # least reach at which the median gap is measured; below it, rims do not move the pose
     scale: float = 1.0  # weight of each pair
 
 
 @dataclass(frozen=True, slots=True)
 class Stretching:
-    """What is known of the stretches before: their inverse variance by that of the gaps is known * width^power."""
+    """Prior of the stretches: the variance of the gaps over that of a stretch is known * width^power."""
 
-    # known, power: as above
     known: float
     power: float
-    narrowest: float  # no width is less
+    narrowest: float  # least width in the formula
 
 
 @dataclass(frozen=True, slots=True)
 class LastStep:
-    """What the last step of a refinement says."""
+    """Result of the last step of a refinement."""
 
-    poses: cla.Array  # device (k, 16) float32, where it leads if the pairs alone decide, as `upload_poses` has them
-    rows: Readback  # a `Record` of the poses, on its way to the host
+    poses: cla.Array  # device (k, 16) float32, the poses after a step by the pairs alone, as from `upload_poses`
+    rows: Readback  # of a `Record`, on their way to the host
 
     def read(self) -> Record:
         return Record.of(self.rows.read())
@@ -127,8 +122,8 @@ class Refinement:
         weighting: Weighting,
         stretching: Stretching | None,
     ) -> None:
-        """What all steps share: at most `most` points of each surface, evenly; no stretching where scans are taken as
-        they are."""
+        """Prepare steps with at most `most` points of each surface, evenly thinned; without `stretching` scans are
+        rigid."""
         self.device, self._weighting, self._stretching = device, weighting, stretching
         self._real = np.float64 if "cl_khr_fp64" in device.cl_device.extensions else np.float32
         self._launch = partial(launch, device, FP64=int(self._real is np.float64))
@@ -140,12 +135,12 @@ class Refinement:
         self._parts = -(-self._count // _PART)
 
     def begin(self, turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: np.ndarray | None) -> None:
-        """Put the k poses where the next step begins; as `Record` has them."""
+        """Set the state of k poses before the first step; arguments as in `Record`."""
         rows = state_rows(turn, shift, width, stretch)
         self._take(self.device.to_device(rows.astype(self._real)))
 
     def begin_after(self, other: "Refinement") -> None:
-        """Go on where the poses of another refinement are, which ends; nothing comes back between the two."""
+        """Take over the poses of another refinement, on the device; the other one must not be used any more."""
         self._take(other._records)
 
     def _take(self, records: cla.Array) -> None:
@@ -157,8 +152,8 @@ class Refinement:
         self._records = records
 
     def step(self, reach: float, alone: bool) -> None:
-        """A step: the pairs within reach [voxels], and what they say. `alone`: the poses move on as the pairs say; else
-        they stay, for `end` and whoever knows more."""
+        """Queue a step by the pairs within reach [voxels]. With `alone` the poses move by the pairs' solution; else
+        they stay, and `end` returns the sums and the solution, for a caller with further information."""
         self._pair(reach)
         count, stretches = np.int32(self._count), np.int32(self._stretching is not None)
         cpu, poses = self.device.is_cpu, self._rows.shape[0]
@@ -173,10 +168,10 @@ class Refinement:
         self._launch("surface/solve", "solve", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)
 
     def end(self) -> "LastStep":
-        """What the last step says, which did not move the poses; nothing is read yet."""
+        """The result of the last step, which must not have moved the poses; its read is queued."""
         poses, stretches = self._rows.shape[0], np.int32(self._stretching is not None)
         count, parts = np.int32(self._count), np.int32(self._parts)
-        # the sums are folded by now: their memory is free for the doubts
+        # the sums are added up by now: the doubts may overwrite them
         arguments = self._rows, self._records, self._sums, count, np.float32(self._weighting.scale), stretches
         lanes = 1 if self.device.is_cpu else 256
         self._launch("surface/equations", "add_doubts", (8 * self._parts, poses), *arguments, LANES=lanes, PART=_PART)
@@ -185,7 +180,7 @@ class Refinement:
         return LastStep(self._poses, Readback(self.device, self._records))
 
     def _pair(self, reach: float) -> None:
-        """The pairs within reach; and how far apart they usually are, where that can be measured."""
+        """Queue the pairs within reach, and their median gap if the reach is large enough to measure it."""
         weighting, poses = self._weighting, self._rows.shape[0]
         near = reach < weighting.measured
         lanes = 1 if self.device.is_cpu else 64

@@ -1,12 +1,12 @@
-// What two surfaces share under each of many poses: sums over some points of each, looked up in the other.
+// The overlap of two surfaces under many poses: sums over points of each, by their nearest neighbors in the other.
 //
-// Layout: of both surfaces points, starts and box, and elements, as in cells.cl, and how many elements, every
-// `step`-th of them, are looked up; weights (directions) float32 by the directions of the normals; poses (k, 16) float32,
-// the rows of [R | t] in the first 12, p_target = R p_source + t; out (k, 2, parts, 4) float32: of the source's points,
-// then of the target's, the weights of those that agree, of those that are covered, of all, and the number of those that
-// lie on the other surface.
-// A point is covered by one of the other's within COVERED; it lies on it within REACH, and agrees if also the normals'
-// cosine is at least ALIKE. One work-item adds up ITEM points, one group the items of LANES.
+// Layout: of both surfaces points, starts, box and elements as in cells.cl; `count` elements, every `step`-th, take
+// part. weights (directions) float32 by the directions of the normals; poses (k, 16) float32, the rows of [R | t] in
+// the first 12, p_target = R p_source + t; out (k, 2, parts, 4) float32: of the source's points, then of the target's,
+// the total weight of those that agree, of those that are covered, of all, and the number of those that lie on the
+// other surface.
+// A point is covered if its nearest neighbor is within COVERED; it lies on the other surface if it is within REACH, and
+// agrees if also the normals' cosine is at least ALIKE. One work-item: ITEM points; one group: LANES work-items.
 #include "surface/cells.cl"
 #ifndef ITEM
 #define ITEM 64
@@ -59,9 +59,9 @@ __kernel void shared(__global const float4* const restrict target_points,
     if (!lane) out[(2 * pose + back) * get_num_groups(0) + get_group_id(0)] = sums[0];
 }
 
-// The nearest point of a surface to each of many points, under each of many poses: places (n) float4, of which x, y, z
-// count; index (k, n) int32, -1 where nothing is within reach, and squared (k, n) float32. One work-item: a point under a
-// pose.
+// The nearest point of a surface to each of n places under each of k poses: places (n) float4 without use of w; index
+// (k, n) int32, -1 if no point is within reach, and squared (k, n) float32, the squared distance. One work-item: a
+// place under a pose.
 __kernel void nearest(__global const float4* const restrict points, __global const int* const restrict starts,
                       const float8 box, __global const float4* const restrict places,
                       __global const float16* const restrict poses, __global int* const restrict index,

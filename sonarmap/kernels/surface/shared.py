@@ -1,4 +1,4 @@
-"""Sums over the points that two surfaces share, under many poses."""
+"""The overlap of two surfaces under many poses."""
 
 from dataclasses import asdict, dataclass
 
@@ -10,30 +10,30 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 from sonarmap.kernels.surface.cells import Elements
 
-_ITEM = 32  # points that a work-item of a processor adds up
-_LANES = 64  # work-items of a group elsewhere, a point each
+_ITEM = 32  # points of a work-item on a CPU
+_LANES = 64  # work-items of a group on a GPU, each of one point
 
 
 @dataclass(frozen=True, slots=True)
 class WeightedElements:
-    elements: Elements  # the points
-    weights: cla.Array  # device (d,) float32, by the directions of their normals
+    elements: Elements
+    weights: cla.Array  # device (d,) float32, weight of a point by the direction of its normal
 
 
 @dataclass(frozen=True, slots=True)
 class Nearness:
-    reach: float  # within which distance it lies on that surface
-    covered: float  # within which distance it is covered by it
-    alike: float  # least cosine of the normals of points that agree
+    reach: float  # largest distance of a point that lies on the other surface
+    covered: float  # largest distance of a point that the other surface covers
+    alike: float  # least cosine between the normals of points that agree
 
 
 def shared_sums(
     device: Device, target: WeightedElements, source: WeightedElements, poses: cla.Array, most: int, nearness: Nearness
 ) -> Pending[np.ndarray]:
-    """Queue what at most `most` points of each surface, evenly, have near them on the other's, under k poses.
+    """Queue the overlap of two surfaces under k poses, by at most `most` points of each, evenly thinned.
 
-    Returns (k, 2, 4) float64: of the source's points, then of the target's, the weights of those that agree, of those
-    that are covered and of all, and the share of those that lie on the other surface.
+    Returns (k, 2, 4) float64 of the source's points, then of the target's: total weight of those that agree, of those
+    that are covered and of all, and the share of the points that lie on the other surface.
     """
     count, _ = require_array(poses, "poses", (None, 16))
     item, lanes = (_ITEM, 1) if device.is_cpu else (1, _LANES)

@@ -1,16 +1,16 @@
-// The sums of a step put together, and the step that they lead to, or the axes along which they hold a pose.
+// Add up the sums of a step, solve its normal equations, and find the principal axes of the information on a pose.
 //
-// Layout: records (k, RECORD) as in real.cl; parts (k, parts, SUMS_COUNT or 8) from equations.cl; poses (k) float16, the
-// rows of [R | t] in the first 12, where the last step leads. A turn is of the target's axes about the source's grid
-// center; see spectral/verify/normal_equations.py for the same in NumPy, and why.
+// Layout: records (k, RECORD) as in real.cl; parts (k, parts, SUMS_COUNT or 8) from equations.cl; poses (k) float16,
+// the rows of [R | t] in the first 12, after the last step. A turn is a rotation in the target's axes about the
+// source's grid center; see tests/kernels/surface/steps.py for the same in NumPy.
 #include "surface/real.cl"
 #ifndef LANES
 #define LANES 1
 #endif
 #define DAMPING (real)1e-9
 
-// x of the symmetric A x = b by L D L^T; A is overwritten. Where nothing holds a direction, rounding may leave less than
-// nothing: it is held by the damping.
+// Solve the symmetric A x = b by L D L^T; A is overwritten. In an unconstrained direction rounding may leave a pivot
+// below `least`, the damping, which then takes its place.
 static void solve6(real A[6][6], const real b[6], real x[6], const real least) {
     for (int j = 0; j < 6; ++j) {
         real pivot = A[j][j];
@@ -31,7 +31,7 @@ static void solve6(real A[6][6], const real b[6], real x[6], const real least) {
         for (int k = i + 1; k < 6; ++k) x[i] -= A[k][i] * x[k];
 }
 
-// The state after a turn and a shift.
+// Apply a turn and a shift to a state.
 static void move(real state[STATE], const real step[6]) {
     const real angle = sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
     const real a = angle > 1e-4f ? sin(angle) / angle : 1 - angle * angle / 6;
@@ -50,15 +50,15 @@ static void move(real state[STATE], const real step[6]) {
     for (int i = 0; i < 3; ++i) state[SHIFT + i] += step[3 + i];
 }
 
-// A Gauss-Newton step of a pose, and of opposite stretches where `stretches`: `known` is the variance of the gaps over
-// that of a stretch, for a width of 1 and to its power.
+// A Gauss-Newton step of a pose and, with `stretches`, of opposite stretches, whose prior is the variance of the gaps
+// over that of a stretch: known * width^power.
 static void step_alone(__global const real* const sums, real state[STATE], const int stretches,
                        const real known, const real power, const real narrowest) {
     real A[6][6];
     real b[6];
     real step[6];
     const real held = stretches ? known * pow(fmax(state[WIDTH], narrowest), power) : 0;
-    // both stretches' mean is not sought: their common part stays
+    // the mean of both stretches is not estimated: it stays
     const real common = (state[STRETCH] + state[STRETCH + 1]) / 2;
     const real apart = (state[STRETCH] - state[STRETCH + 1]) / 2;
     const real between = sums[6 * 8 + 6] - 2 * sums[6 * 8 + 7] + sums[7 * 8 + 7] + 2 * held;
@@ -116,8 +116,8 @@ static void eigenvectors6(real A[6][6], real V[6][6]) {
     }
 }
 
-// The axes of the information that both scans share, by share ascending; turns divided by the lever that they are taken
-// times there. As `principal_axes` of spectral/verify/fit.py.
+// The principal axes of the shared information, ascending; they are found for turns times the lever arm, which the
+// axes' turns are divided by. As `principal_axes` of spectral/verify/fit.py.
 static void principal_axes(__global const real* const sums, __global real* const axes) {
     const real total = fmax(sums[TOTAL], (real)1e-12f);
     const real turning = sums[SHARED] + sums[SHARED + 9] + sums[SHARED + 18];
@@ -138,7 +138,7 @@ static void principal_axes(__global const real* const sums, __global real* const
     }
 }
 
-// One group: a pose. `steps`: whether it moves on; else where it would is noted, and its axes are wanted.
+// One group: a pose. With `steps` it moves; otherwise its next state and its principal axes are stored.
 __kernel void solve(__global const real* const restrict parts, __global real* const restrict records,
                     __global float16* const restrict poses, const int count, const int steps, const int stretches,
                     const real known, const real power, const real narrowest) {
@@ -162,7 +162,7 @@ __kernel void solve(__global const real* const restrict parts, __global real* co
     principal_axes(record + SUMS, record + AXES);
 }
 
-// One work-item: one of 8 squared doubts of a pose.
+// Add up the doubts. One work-item: one of the 8 of a pose.
 __kernel void add_parts(__global const real* const restrict parts, __global real* const restrict records,
                         const int count) {
     const int axis = get_global_id(0);
