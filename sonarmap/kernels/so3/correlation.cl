@@ -3,12 +3,12 @@
 //
 // Layout: target and source (DEGREES, layers, ORDERS) complex64, the coefficients of degree 2 p and order
 // m = index - (BANDWIDTH - 1); ranges (PARTS, 2) int32, the first layer of each part and their number. products and
-// wigner, d[2 p, m, n](beta), are for n >= 0: on a processor (PARTS, ORDERS, BANDWIDTH / 8, DEGREES, 8) complex64 and
-// (ORDERS, betas, BANDWIDTH / 8, DEGREES, 8) float32, 8 at a time, all degrees behind each other, as `synthesize` walks
-// them; elsewhere (PARTS, ORDERS, DEGREES, BANDWIDTH) and (ORDERS, betas, DEGREES, BANDWIDTH), neighbors beside each
-// other. Of both, what has n beyond the degree's block or |m| above the degree is never read.
-// out (PARTS, images, EDGE, PITCH) complex64, half spectra as kernels/fft/transform.py has them: m along axis 2 (cyclic),
-// n along axis 3. Images beyond the betas become 0.
+// wigner, d[2 p, m, n](beta), are for n >= 0: on a CPU (PARTS, ORDERS, BANDWIDTH / 8, DEGREES, 8) complex64 and
+// (ORDERS, betas, BANDWIDTH / 8, DEGREES, 8) float32, in blocks of 8, so that `synthesize` reads all degrees of a block
+// in a row; on a GPU (PARTS, ORDERS, DEGREES, BANDWIDTH) and (ORDERS, betas, DEGREES, BANDWIDTH), so that adjacent
+// work-items read adjacent memory. Numbers with n beyond the degree's block or |m| above the degree are never read.
+// out (PARTS, images, EDGE, PITCH) complex64, half spectra as kernels/fft/transform.py has them: m along axis 2
+// (cyclic), n along axis 3. Images beyond the betas become 0.
 // Precondition: BANDWIDTH is a multiple of 8 and at most EDGE / 2.
 #ifndef BANDWIDTH
 #define BANDWIDTH 48
@@ -24,7 +24,7 @@
 #define PITCH (EDGE / 16 * 8 + 8)
 
 #ifndef GPU
-// Times gain, the sums over a part's layers of target[m] conj(source[n]). One work-item: one order m of one degree.
+// gain times the sums over a part's layers of target[m] conj(source[n]). One work-item: one order m of one degree.
 __kernel void multiply(__global const float* const restrict target, __global const float* const restrict source,
                        __global const int* const restrict ranges, __global float* const restrict products,
                        const int layers, const float gain) {
@@ -52,7 +52,7 @@ __kernel void multiply(__global const float* const restrict target, __global con
     }
 }
 
-// One work-item: one row of one image of every part; neighbors share its products.
+// One work-item: one row of one image of every part; work-items of the same row share its products.
 __kernel void synthesize(__global const float* const restrict wigner, __global const float* const restrict products,
                          __global float* const restrict out, const int betas) {
     const int beta = get_global_id(0);
@@ -81,7 +81,7 @@ __kernel void synthesize(__global const float* const restrict wigner, __global c
         for (int part = 0; part < PARTS; ++part) vstore16((float16)(0.0f), 0, to + part * next + 2 * n);
 }
 #else
-// As above; one work-item: one number.
+// The same; one work-item: one number.
 __kernel void multiply(__global const float* const restrict target, __global const float* const restrict source,
                        __global const int* const restrict ranges, __global float* const restrict products,
                        const int layers, const float gain) {

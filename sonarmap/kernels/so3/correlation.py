@@ -1,4 +1,4 @@
-"""Two functions on the sphere, correlated over all rotations by a fast Fourier transform on SO(3).
+"""Correlation of two functions on the sphere over all rotations, by a fast Fourier transform on SO(3).
 
 The correlation over R = Rz(alpha) Ry(beta) Rz(gamma) of f and g(d) = f(R d) is
 
@@ -24,34 +24,32 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.fft.transform import RealFFT
 
-# Work-items of a group, where neighbors are beside each other in memory.
-_GROUP = 32
-# So many peaks of each part come with the first read: a correlation of two scans has some ten, noise some hundred.
-_FIRST_PEAKS = 256
+_GROUP = 32  # work-items of a group on a GPU
+_FIRST_PEAKS = 256  # peaks of a part in the first read; a correlation of two scans has about ten, noise a hundred
 
 
 @dataclass(frozen=True, slots=True)
 class LocalMaxima:
     """Local maxima of one correlation, highest first."""
 
-    index: np.ndarray  # (n, 3) int64, their places: second, first, third Euler angle
-    around: np.ndarray  # (n, 27) float32, the values around and at them, in C order
+    index: np.ndarray  # (n, 3) int64, indices of the second, first, third Euler angle
+    around: np.ndarray  # (n, 27) float32, values of the 3 x 3 x 3 neighborhood in C order
 
     @classmethod
     def sorted(cls, rows: np.ndarray) -> "LocalMaxima":
-        """From rows (n, 32) of peaks.cl, in any order."""
+        """Local maxima from rows (n, 32) of peaks.cl, in any order."""
         index = rows[:, 1:4].astype(np.int64)
         order = np.lexsort((index[:, 2], index[:, 1], index[:, 0], -rows[:, 0]))
         return cls(index[order], rows[order, 4:31])
 
 
 class _Plan:
-    """The arrays and the transform for a number of parts, which are used again."""
+    """Buffers and transform for a number of parts, reused by later calls."""
 
     def __init__(self, device: Device, bandwidth: int, shape: tuple[int, int, int]) -> None:
         parts, images, edge = shape
         self.products = device.empty((parts, 2 * bandwidth - 1, bandwidth, bandwidth // 2), np.complex64)
-        # an image of zeros beyond the last keeps the cyclic search for peaks from joining the first to the last
+        # an image of zeros after the last one keeps the cyclic search for peaks from joining the last to the first
         self.fft = RealFFT(device, (parts * images, edge, edge), batched=True)
         self.spectrum = device.empty(self.fft.half_shape, np.complex64)
         self.correlation = device.empty(self.fft.shape)
@@ -59,17 +57,17 @@ class _Plan:
 
 
 class RotationCorrelation:
-    """Correlations over the rotations whose z axes are at most `largest` apart, on one device.
+    """Correlations over the rotations that tilt the z axis by at most `largest`, on one device.
 
     Attributes:
         bandwidth: degrees are even and below it.
-        betas: (n,) float64 [rad], the second Euler angles that are sampled, evenly from half a step on.
-        edge: samples of the first and of the third Euler angle, over the full circle.
+        betas: (n,) float64 [rad], samples of the second Euler angle, evenly from half a step on.
+        edge: number of samples of the first and of the third Euler angle, over the full circle.
     """
 
     def __init__(self, device: Device, bandwidth: int, largest: float = np.pi) -> None:
-        """Tabulate Wigner's d-matrices and plan the transform: of a bandwidth that is a multiple of 8 up to 256, whose
-        fourth power memory grows with, and of rotations up to `largest` [rad], in proportion to time and memory."""
+        """Tabulate Wigner's d-matrices. `bandwidth` is a multiple of 8 up to 256; memory grows with its fourth power.
+        `largest` [rad] is the largest tilt; time and memory grow in proportion to it."""
         if bandwidth < 8 or bandwidth % 8 or bandwidth > 256 or not 0 < largest <= np.pi:
             raise InputError(
                 f"`bandwidth={bandwidth}`, `largest` {np.rad2deg(largest):g} degrees; wanted a multiple of 8 up to "
@@ -93,27 +91,27 @@ class RotationCorrelation:
     def correlate(
         self, target: cla.Array, source: cla.Array, parts: Sequence[tuple[int, int]] | None = None
     ) -> cla.Array:
-        """C(R) of each part of the layers, for device coefficients of `Harmonics`: (bandwidth / 2, L, 2 bandwidth - 1).
+        """C(R) of each part of the layers, from `Harmonics` coefficients (bandwidth / 2, L, 2 bandwidth - 1).
 
-        Where the layers of the source are those of the target turned, g(d) = f(R d), C is highest at R.
+        If the layers of the source are those of the target rotated, g(d) = f(R d), C is highest at R.
 
         Args:
-            parts: the first layer of each and their number; None: all layers together.
+            parts: first layer and number of layers of each part; None: one part of all layers.
 
         Returns:
-            device (parts, betas + 1, edge, edge) float32: [p, b, i, j] is the rotation `rotations((b, i, j))`, the last
-            image zeros. It is used again by the next call with as many parts.
+            device (parts, betas + 1, edge, edge) float32: [p, b, i, j] is the rotation `rotations((b, i, j))`; the last
+            image is 0. The next call with the same number of parts overwrites it.
         """
         wanted = (self.bandwidth // 2, None, 2 * self.bandwidth - 1)
         _, layers, _ = require_array(target, "target", wanted, np.complex64)
         require_array(source, "source", (wanted[0], layers, wanted[2]), np.complex64)
         ranges = np.array([(0, layers)] if parts is None else parts, np.int32)
         if ranges.ndim != 2 or ranges.min(initial=0) < 0 or ranges.sum(axis=1).max() > layers:
-            raise InputError(f"`parts={parts}` go beyond the {layers} layers; give the first and how many of each")
+            raise InputError(f"`parts={parts}` go beyond the {layers} layers; give first layer and number of each")
         plan = self._plan(len(ranges))
         orders, degrees, cpu = 2 * self.bandwidth - 1, self.bandwidth // 2, self.device.is_cpu
         arrays = target, source, table(self.device, ranges), plan.products
-        # times what the inverse transform divides by
+        # the gain undoes the division by the inverse transform
         numbers = np.int32(layers), np.float32(self.edge**2)
         size = (orders, degrees, len(ranges)) if cpu else (_padded(self.bandwidth), orders, degrees * len(ranges))
         shared = {"group": self._group, "PARTS": len(ranges), "BANDWIDTH": self.bandwidth}
@@ -126,8 +124,8 @@ class RotationCorrelation:
         return correlation.reshape(len(ranges), images, self.edge, self.edge)
 
     def peaks(self, correlation: cla.Array) -> list[LocalMaxima]:
-        """The local maxima of each part of a correlation, highest first, of each quarter of a row the highest alone; of
-        equal values the first voxel comes first. One blocking read, two for many."""
+        """The local maxima of each part of a correlation, highest first, at most one in each quarter of a row; equal
+        values are ordered by voxel. Blocks for one read, or for two if a part has many maxima."""
         parts, images = len(correlation), len(self.betas) + 1
         require_array(correlation, "correlation", (parts, images, self.edge, self.edge))
         plan = self._plan(parts)
@@ -148,15 +146,15 @@ class RotationCorrelation:
         return self._plans[parts]
 
     def rotations(self, index: np.ndarray) -> Rotation:
-        """The rotations at places (..., 3) of the correlation, between samples too."""
+        """The rotations at indices (..., 3) of the correlation, which may be fractional."""
         index = np.asarray(index, np.float64)
         turn = 2 * np.pi / self.edge
         angles = np.stack([index[..., 1] * turn, (index[..., 0] + 0.5) * self._step, index[..., 2] * turn], axis=-1)
         return Rotation.from_euler("ZYZ", angles)
 
     def places(self, R: Rotation) -> np.ndarray:
-        """(n, 3) places of n rotations in the correlation, between samples: the inverse of `rotations`. The first is at
-        least 0; where it would be less, near a turn about z alone, the other two act as their sum."""
+        """Fractional indices (n, 3) of n rotations in the correlation: the inverse of `rotations`. The first is clipped
+        to the sampled range; near a rotation about z alone only the sum of the other two matters."""
         turn = 2 * np.pi / self.edge
         matrices = R.as_matrix()
         along = np.hypot(matrices[:, 0, 2], matrices[:, 1, 2])
@@ -180,10 +178,9 @@ def _padded(count: int) -> int:
 
 
 def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
-    """Wigner's small d-matrices d[m, n](beta) = <l m| exp(-i beta J_y) |l n> of (k,) betas [rad]: (k, 2 l + 1, 2 l +
-    1).
+    """Wigner's d-matrices d[m, n](beta) = <l m| exp(-i beta J_y) |l n> of betas (k,) [rad]: (k, 2 l + 1, 2 l + 1).
 
-    By the eigenvectors of J_y, whose eigenvalues are the whole numbers -l..l: stable for every degree.
+    Computed from the eigenvectors of J_y, whose eigenvalues are the integers -l..l: stable for every degree.
     """
     orders = np.arange(-degree, degree + 1)
     raising = np.diag(np.sqrt(degree * (degree + 1) - orders[:-1] * (orders[:-1] + 1.0)), -1)
@@ -193,7 +190,7 @@ def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
 
 
 def _half_wigner(bandwidth: int, betas: np.ndarray) -> np.ndarray:
-    """(orders, betas, bandwidth / 8, degrees, 8) float32, as correlation.cl reads it on a processor."""
+    """(orders, betas, bandwidth / 8, degrees, 8) float32, the CPU layout of correlation.cl, for n >= 0."""
     table = np.zeros((2 * bandwidth - 1, len(betas), bandwidth // 8, bandwidth // 2, 8), np.float32)
     for half in range(bandwidth // 2):
         degree = 2 * half

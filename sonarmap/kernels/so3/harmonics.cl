@@ -1,11 +1,11 @@
-// Layers of a magnitude spectrum to coefficients of spherical harmonics, never stored as samples.
+// Spherical-harmonic coefficients of a magnitude spectrum's layers, without storing the layers' samples.
 //
 // Layout: magnitude (EDGE, EDGE, EDGE/2 + 1) float32, centered in axes 0 and 1. Latitudes are LATITUDES rings of
 // LONGITUDES samples each; rings (2, LATITUDES) float32 holds their sines and cosines of the polar angle, circle
-// (LONGITUDES, 2) the cosines and sines of the longitude. weights (LATITUDES) float32 are the rings' of a mean over the
-// sphere. waves and legendre lie as WAVE and LEGENDRE say; turns, the cosines and sines of order times longitude, as
-// TURN does. moments (2, layers, LATITUDES) float32: each ring's mean and variance. coefficients (DEGREES, layers,
-// ORDERS) complex64, degree 2 p, order index - (BANDWIDTH - 1).
+// (LONGITUDES, 2) the cosines and sines of the longitude. weights (LATITUDES) float32 are the rings' shares of a mean
+// over the sphere. WAVE and LEGENDRE index waves and legendre; turns are the cosines and sines of order times
+// longitude, as stated above each `waves`. moments (2, layers, LATITUDES) float32: each ring's mean and variance.
+// coefficients (DEGREES, layers, ORDERS) complex64, degree 2 p, order index - (BANDWIDTH - 1).
 // Precondition: LATITUDES is a multiple of 16, LONGITUDES of 4, BANDWIDTH of 8; every radius is in [0, EDGE/2 - 1).
 #ifndef EDGE
 #define EDGE 128
@@ -24,17 +24,17 @@
 #define DEGREES (BANDWIDTH / 2)
 #define QUARTER (LONGITUDES / 4 + 1)
 
-#define CONSTANT 2e-6f  // a layer whose deviation is this share of its mean or less is constant but for rounding
+#define CONSTANT 2e-6f  // share of the mean up to which a layer's deviation is only rounding
 
-// The samples at longitudes t, pi - t, pi + t and -t have the same cosines and sines of an order, but for signs: a
-// quarter of the circle is left, once for the even orders and once for the odd ones. At its two ends b and d are 0.
+// The samples at longitudes t, pi - t, pi + t and -t have the same cosines and sines of an order, but for signs: they
+// fold to a quarter circle, once for the even orders and once for the odd ones. At its two ends b and d are 0.
 #define FOLD(j)                              \
     even_cosines[j] = (a + d) + (b + c);     \
     even_sines[j] = (a - d) - (b - c);       \
     odd_cosines[j] = (a + d) - (b + c);      \
     odd_sines[j] = (a - d) + (b - c);
 
-// a[l, -m] = (-1)^m conj(a[l, m]); what has |m| above l is 0.
+// a[l, -m] = (-1)^m conj(a[l, m]); coefficients with |m| above l are 0.
 #define STORE(re, im)                                                                              \
     {                                                                                              \
         __global float* const middle =                                                             \
@@ -99,7 +99,7 @@ __kernel void waves(__global const float* const restrict magnitude, __global con
     float16 sum = 0.0f;
     float16 squares = 0.0f;
     for (int j = 0; j <= LONGITUDES / 4; ++j) {
-        // less the first sample, which costs the moments no precision and all orders but 0 nothing
+        // less the first sample, which keeps the moments precise and changes order 0 only
         const bool twice = j > 0 && j < LONGITUDES / 4;
         const float16 a = sample16(magnitude, across, vload2(j, circle), iz, fz) - first;
         const float16 c = sample16(magnitude, across, vload2(LONGITUDES / 2 + j, circle), iz, fz) - first;
@@ -238,8 +238,8 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void waves(
 }
 #endif
 
-// One work-item: one order of one layer, of mean 0 and variance 1 over the sphere: every degree on a processor, else one
-// of them; and both signs.
+// Coefficients of the layers, normalized to mean 0 and variance 1 over the sphere. One work-item: one order, of both
+// signs, of one layer; every degree on a CPU, one degree on a GPU.
 __kernel void project(__global const float* const restrict waves, __global const float* const restrict moments,
                       __global const float* const restrict weights, __global const float* const restrict legendre,
                       __global float* const restrict coefficients) {

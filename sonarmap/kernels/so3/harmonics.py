@@ -1,8 +1,8 @@
-"""Spherical harmonics of a magnitude spectrum's layers, which are the same at d and -d: even degrees only.
+"""Spherical harmonics of a magnitude spectrum's layers, of even degrees only, as a layer is the same at d and -d.
 
 A real layer f has f(d) = sum over l, m of a[l, m] Y[l, m](d), Y the orthonormal harmonics with the Condon-Shortley
-phase (scipy.special.sph_harm_y). Latitudes are the Gauss-Legendre nodes of the upper hemisphere; the lower one says the
-same at the opposite places.
+phase (scipy.special.sph_harm_y). Latitudes are the Gauss-Legendre nodes of the upper hemisphere; the lower one
+repeats it at the opposite points.
 """
 
 from functools import partial
@@ -18,12 +18,12 @@ from sonarmap.kernels.errors import InputError
 
 _RINGS_AT_ONCE = 16
 _ORDERS_AT_ONCE = 4
-_GROUP = 64  # work-items
-_FAINTEST = 1e-3  # energy, as a share of a degree's strongest direction, below which none is lifted further
+_GROUP = 64  # work-items of a group on a GPU
+_LEAST_ENERGY = 1e-3  # share of a degree's strongest direction; weaker directions are amplified as if they had it
 
 
 class Harmonics:
-    """The transform from a magnitude spectrum to the coefficients of its layers, planned once for a device.
+    """Transform from a magnitude spectrum to the coefficients of its layers, planned once for a device.
 
     Attributes:
         bandwidth: degrees are even and below it.
@@ -31,19 +31,19 @@ class Harmonics:
     """
 
     def __init__(self, device: Device, bandwidth: int, latitudes: int, longitudes: int) -> None:
-        """Tabulate the associated Legendre functions, and the waves along a circle.
+        """Tabulate the associated Legendre functions, and the cosines and sines along a circle.
 
         Args:
             bandwidth: a multiple of 8.
-            latitudes: of the upper hemisphere, a multiple of 16, at least half the bandwidth; more keep finer structure
-                from aliasing.
-            longitudes: a multiple of 4, at least twice the bandwidth.
+            latitudes: number in the upper hemisphere, a multiple of 16, at least half the bandwidth; more of them
+                reduce the aliasing of finer structure.
+            longitudes: their number, a multiple of 4, at least twice the bandwidth.
         """
         fits = 2 * latitudes >= bandwidth and longitudes >= 2 * bandwidth
         if bandwidth < 8 or bandwidth % 8 or latitudes % _RINGS_AT_ONCE or longitudes % 4 or not fits:
             raise InputError(
                 f"`bandwidth={bandwidth}` with {latitudes} x {longitudes} samples; wanted a multiple of 8, a multiple "
-                "of 16 that is at least half as many, and a multiple of 4 that is at least twice as many"
+                "of 16 that is at least half of it, and a multiple of 4 that is at least twice as large"
             )
         self.device, self.bandwidth = device, bandwidth
         self._shape = latitudes, longitudes
@@ -59,11 +59,11 @@ class Harmonics:
         self._rings, self._circle, self._weights, self._turned = (
             device.to_device(values.astype(np.float32)) for values in tables
         )
-        # twice, for the lower hemisphere
+        # times 2 for the lower hemisphere
         self._legendre = device.to_device(self._orders(np.arccos(height), 4 * np.pi / longitudes * weights))
 
     def _orders(self, polar: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """float32: Y[l, m] at longitude 0 times the weight of its node, for l >= m >= 0, as harmonics.cl has them."""
+        """Y[l, m] at longitude 0 times its node's weight, for l >= m >= 0, float32 in the layout of harmonics.cl."""
         values = np.zeros((self.bandwidth, self.bandwidth // 2, len(polar)), np.float32)
         for order in range(self.bandwidth):
             degrees = np.arange(order + order % 2, self.bandwidth, 2)
@@ -72,7 +72,7 @@ class Harmonics:
         return values if self.device.is_cpu else np.ascontiguousarray(values.transpose(1, 2, 0))
 
     def _turns(self, longitude: np.ndarray) -> np.ndarray:
-        """The cosines and sines of order times longitude, a quarter of the circle, as harmonics.cl has them."""
+        """Cosines and sines of order times longitude on a quarter circle, in the layout of harmonics.cl."""
         angles = np.outer(longitude[: len(longitude) // 4 + 1], np.arange(self.bandwidth))
         if not self.device.is_cpu:
             return np.stack([np.cos(angles), np.sin(angles)])
@@ -81,10 +81,10 @@ class Harmonics:
         return blocks.transpose(3, 1, 0, 2, 4)
 
     def analyze(self, magnitude: cla.Array, radii: np.ndarray) -> cla.Array:
-        """The coefficients of the layers at some radii, each of mean 0 and variance 1 over the sphere.
+        """Coefficients of the layers at these radii, each normalized to mean 0 and variance 1 over the sphere.
 
-        Rings near the pole hold as many samples as rings near the equator, of less of the sphere: mean and variance are
-        by the quadrature's weights, or they would change with a rotation.
+        Mean and variance use the weights of the quadrature, because a ring near the pole has as many samples as one at
+        the equator but covers less of the sphere; otherwise they would change with a rotation.
 
         Args:
             magnitude: (edge, edge, edge/2 + 1) float32, as `spectrum.magnitude` gives it.
@@ -92,7 +92,7 @@ class Harmonics:
 
         Returns:
             device (bandwidth / 2, L, 2 bandwidth - 1) complex64: [l / 2, layer, m + bandwidth - 1] is a[l, m], 0 for
-            |m| > l. 0 for a constant layer.
+            |m| > l and for a constant layer.
         """
         edge = magnitude.shape[0]
         require_array(magnitude, "magnitude", (edge, edge, edge // 2 + 1))
@@ -114,8 +114,8 @@ class Harmonics:
         return result
 
     def products(self, coefficients: cla.Array) -> cla.Array:
-        """Device (degrees, L, L) float32: the real part of the sum over the orders of one layer's coefficients,
-        (degrees, L, orders) from `analyze`, times another's conjugate."""
+        """Real parts of the inner products of any two layers' coefficients, (degrees, L, orders) from `analyze`, degree
+        by degree: device (degrees, L, L) float32."""
         layers = self._layers(coefficients)
         result = self.device.empty((self.bandwidth // 2, layers, layers))
         across = layers if self.device.is_cpu else -(-layers // 32) * 32
@@ -124,8 +124,8 @@ class Harmonics:
         return result
 
     def mix(self, coefficients: cla.Array, mixtures: np.ndarray) -> cla.Array:
-        """Device (degrees, K, orders) complex64: sums of coefficients (degrees, L, orders), weighted by mixtures
-        (degrees, K, L)."""
+        """Sums of coefficients (degrees, L, orders), weighted by mixtures (degrees, K, L): device (degrees, K, orders)
+        complex64."""
         layers, (degrees, sums, _) = self._layers(coefficients), mixtures.shape
         if mixtures.shape != (self.bandwidth // 2, sums, layers):
             raise InputError(f"`mixtures` have shape {mixtures.shape}; wanted ({self.bandwidth // 2}, K, {layers})")
@@ -144,18 +144,17 @@ class Harmonics:
 
 
 def equalizers(products: np.ndarray, power: float) -> np.ndarray:
-    """Mixtures of layers whose directions within each degree count more alike: a half-way phase-only filter on the
-    sphere.
+    """Mixtures of layers that equalize the energies of directions within each degree: a partial phase-only filter.
 
     Phase-only matched filtering divides each frequency by its magnitude. On the sphere the frequencies of degree l mix
     under a rotation; the matrix of the products between its 2 l + 1 orders, summed over the layers, takes the place of
-    the magnitude. The matrix G of the products between the layers has the same eigenvalues but for zeros, and G^(-power
-    / 2), which mixes layers, does the same. A rotation of the scan rotates the result. Each degree keeps its energy;
+    the magnitude. The matrix G of the products between the layers has the same nonzero eigenvalues, so mixing layers by
+    G^(-power / 2) has the same effect. A rotation of the scan rotates the result. Each degree keeps its energy;
     degree 0, which no rotation changes, becomes 0.
 
     Args:
         products: (degrees, L, L), from `Harmonics.products`.
-        power: 0..1; 0 leaves all degrees but 0 as they are, 1 is phase only, which lifts what is mere noise.
+        power: 0..1; 0 leaves all degrees but 0 unchanged, 1 is phase-only, which amplifies noise.
 
     Returns:
         (degrees, L, L) float64, for `Harmonics.mix`.
@@ -165,11 +164,11 @@ def equalizers(products: np.ndarray, power: float) -> np.ndarray:
     if products.ndim != 3 or products.shape[1] != products.shape[2]:
         raise InputError(f"`products` have shape {products.shape}; wanted (degrees, L, L)")
     if not np.isfinite(products).all():
-        raise InputError("`products` hold numbers that are not finite; look at the volume that went in")
+        raise InputError("`products` have values that are not finite; check the input volume")
     values, vectors = np.linalg.eigh(products.astype(np.float64))
     values = np.maximum(values, 0)
     largest = np.maximum(values.max(axis=1, initial=0, keepdims=True), np.finfo(np.float64).tiny)
-    scales = np.maximum(values / largest, _FAINTEST) ** (-power / 2)
+    scales = np.maximum(values / largest, _LEAST_ENERGY) ** (-power / 2)
     energy, scaled = values.sum(axis=1), (values * scales**2).sum(axis=1)
     scales *= np.sqrt(energy / np.where(scaled > 0, scaled, 1.0))[:, None]
     scales[:1] = 0

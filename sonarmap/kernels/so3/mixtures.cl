@@ -1,14 +1,14 @@
-// Layers' coefficients compared with each other, and summed to others.
+// Inner products of layers' coefficients, and their weighted sums.
 //
-// Layout: coefficients (DEGREES, layers, ORDERS) complex64, of degree 2 p and order index - (BANDWIDTH - 1), 0 where the
-// order is above the degree.
+// Layout: coefficients (DEGREES, layers, ORDERS) complex64, of degree 2 p and order index - (BANDWIDTH - 1), 0 where
+// the order is above the degree.
 // Precondition: BANDWIDTH is at least 8.
 #ifndef BANDWIDTH
 #define BANDWIDTH 48
 #endif
 #define ORDERS (2 * BANDWIDTH - 1)
 
-// The real parts of the products of two layers' orders, degree by degree: (DEGREES, layers, layers) float32.
+// Real parts of the inner products of two layers over the orders, by degree: (DEGREES, layers, layers) float32.
 __kernel void products(__global const float* const restrict coefficients, __global float* const restrict out,
                        const int layers) {
     const int second = get_global_id(0);
@@ -31,15 +31,15 @@ __kernel void products(__global const float* const restrict coefficients, __glob
     out[((size_t)pair * layers + first) * layers + second] = sum;
 }
 
-// Sums of layers, degree by degree: mixtures (DEGREES, sums, layers) float32, out (DEGREES, sums, ORDERS) complex64.
-// One work-item: one number, or, on a processor, 16 of them.
+// Weighted sums of layers, by degree: mixtures (DEGREES, sums, layers) float32, out (DEGREES, sums, ORDERS) complex64.
+// One work-item: 16 numbers on a CPU, one on a GPU.
 __kernel void mix_layers(__global const float* const restrict coefficients, __global const float* const restrict mixtures,
                   __global float* const restrict out, const int layers) {
     const int sums = get_global_size(1);
     const size_t row = (size_t)get_global_id(2) * sums + get_global_id(1);
     __global const float* const from = coefficients + 2 * (size_t)get_global_id(2) * layers * ORDERS;
 #ifndef GPU
-    // the last ones overlap those before
+    // the last work-item overlaps the one before
     const int n = min(16 * (int)get_global_id(0), 2 * ORDERS - 16);
     float16 sum = 0.0f;
     for (int layer = 0; layer < layers; ++layer)

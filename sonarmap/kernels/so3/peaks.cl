@@ -1,10 +1,10 @@
-// Local maxima of correlations over all rotations, with what lies around them.
+// Local maxima of correlations over all rotations, with the values around them.
 //
-// Layout: values (PARTS, images, EDGE, EDGE) float32, of each part the last image 0. A voxel is a local maximum if none
-// of its 26 cyclic neighbors exceeds it; of each EDGE / 4 voxels along a row the highest one is kept, of equal ones the
-// first. out (1 + slots, PARTS, 32) float32: the first number of [0, part] is how many a part has, as int32; from
-// [1, part] on they stand in any order: value, image, row, column, then the 27 values around it in C order, where beyond
-// the first and the last image of rotations that image stands again.
+// Layout: values (PARTS, images, EDGE, EDGE) float32; each part's last image is 0. A voxel is a local maximum if none
+// of its 26 cyclic neighbors exceeds it; of each EDGE / 4 voxels along a row only the highest one is kept, of equal
+// ones the first. out (1 + slots, PARTS, 32) float32: the first number of [0, part] is the part's count, as int32; from
+// [1, part] on come its maxima in any order: value, image, row, column, then the 27 values around it in C order, where
+// the first and the last image of rotations repeat beyond their ends.
 // Precondition: the counts are 0, EDGE is a multiple of 16, and there is a slot for each EDGE / 4 voxels.
 #ifndef EDGE
 #define EDGE 128
@@ -29,7 +29,7 @@ static void keep(__global const float* const restrict values, __global float* co
 }
 
 #ifndef GPU
-// The highest of row i of three images, with the last column before the first and the first behind the last.
+// Elementwise maximum of row i of three images, with the last column before the first and the first behind the last.
 static void highest_of_images(__global const float* const restrict below, __global const float* const restrict image,
                               __global const float* const restrict above, const int i, float* const to) {
     const int row = i % EDGE * EDGE;
