@@ -1,14 +1,14 @@
-// Whether points, moved by many poses, agree with what sensors saw: range images say how far each beam went.
+// Count the points, moved by many poses, that agree with range images, and those that a beam passed through.
 //
-// Layout: points of one scan and range images of another, and the other way round; either may have no image. views (images,
-// EDGE * EDGE) float2, the nearest and the farthest range of each cell, (INFINITY, -INFINITY) where no beam came back;
-// points planar, 3 x count float32, from `valid` on padding; places (images) float4, where the sensors of the images were;
-// poses (n, 16) float32, the rows of [R | t] in the first 12, which bring the first points to their images, the second by
-// the inverse; jobs are the first images, then the second; out (jobs, n, TOLERANCES, 3) int32: how many points agree,
-// contradict, and fall into cells that saw something. A cell is one of the octahedral map (Engelhardt and Dachsbacher
-// 2008): the sphere unfolded to a square through an octahedron. A point agrees within `reach + slope * range` of the
-// cell's ranges, and contradicts nearer than that: the beam went through. tolerances holds two of these, of which the
-// second is needed where TOLERANCES is 2.
+// Layout: points of one scan and range images of another, and the reverse; either may have no image. views (images,
+// EDGE * EDGE) float2, the nearest and the farthest range of each cell, (INFINITY, -INFINITY) without a range; points
+// planar, 3 x count float32, from `valid` on padding; places (images) float4, the sensor positions of the images; poses
+// (n, 16) float32, the rows of [R | t] in the first 12, which move the first points to the frame of their images, and
+// their inverses the second points; jobs are the first images, then the second; out (jobs, n, TOLERANCES, 3) int32:
+// numbers of points that agree, that contradict, and that fall into cells with a range. The cells are those of the
+// octahedral map (Engelhardt and Dachsbacher 2008): the sphere unfolded to a square through an octahedron. A point
+// agrees within `reach + slope * range` of the cell's ranges, and contradicts if it is nearer: the beam passed through
+// it. tolerances holds two of (reach, slope); the second is used if TOLERANCES is 2.
 // Precondition: counts are multiples of 8.
 #include "device/lanes.cl"
 #ifndef EDGE
@@ -75,7 +75,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void agreement(
     const float4 turn2 = (float4)(forth ? T.s89a : T.s26a, (forth ? T.sb : -dot(T.s26a, T.s37b)) - place.z);
     const float reaches[2] = {tolerances.x, tolerances.z};
     const float slopes[2] = {tolerances.y, tolerances.w};
-    intn counts[COUNTS];  // in cells that saw something; then of each tolerance those that agree, those that contradict
+    intn counts[COUNTS];  // in cells with a range; then for each tolerance those that agree, those that contradict
     for (int k = 0; k < COUNTS; ++k) counts[k] = 0;
     for (SHARED(n, count)) {
         const floatn px = loadn(points + n), py = loadn(points + count + n), pz = loadn(points + 2 * count + n);

@@ -1,4 +1,4 @@
-"""Points under many poses against a range image: which agree with it, and which stand where its beams went through."""
+"""Agreement of points with range images under many poses: points agree, or lie where a beam passed through."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,16 +13,15 @@ from sonarmap.kernels.device.arrays import Pending, Readback, upload_places
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 
-_LANES = 8
-_GROUP = 64
+_LANES = 8  # the number of points is padded to a multiple of this
+_GROUP = 64  # work-items of a group on a GPU
 
 
 def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
-    """(n,) int64 the cells of an octahedral map, edge x edge in C order, that directions (n, 3) of any length fall
-    into.
+    """Cells (n,) int64, of an octahedral map of edge x edge in C order, of directions (n, 3) of any length.
 
-    The octahedron |x| + |y| + |z| = 1 unfolded to a square (Engelhardt and Dachsbacher, "Octahedron environment maps",
-    VMV 2008): no poles, and cells whose sizes differ by no more than a factor of 5.2. A zero vector counts as +z.
+    The octahedron |x| + |y| + |z| = 1 is unfolded to a square (Engelhardt and Dachsbacher, "Octahedron environment
+    maps", VMV 2008): it has no poles, and its cells' sizes differ by up to a factor of 5.2. A zero vector counts as +z.
     """
     columns = np.ascontiguousarray(directions.T)  # column by column, which is faster than row by row
     x, y, z = columns / np.maximum(np.abs(columns).sum(axis=0), 1e-20)
@@ -33,25 +32,25 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
 
 
 def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
-    """Points (n, 3) on the device for `agreement`, and how many they are: (3, n padded to a multiple of 8) float32."""
+    """Upload points (n, 3) for `agreement`: (3, n padded to a multiple of 8) float32, and n."""
     padded = np.zeros((3, -(-max(len(points), 1) // _LANES) * _LANES), np.float32)
     padded[:, : len(points)] = points.T
     return device.to_device(padded), len(points)
 
 
 def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
-    """Where the sensors of k range images were (k, 3), on the device for `agreement`: (k, 4) float32."""
+    """Upload the sensor positions (k, 3) of k range images for `agreement`: (k, 4) float32."""
     return upload_places(device, places)
 
 
 @dataclass(frozen=True, slots=True)
 class Viewing:
-    """Points of one scan, and the range images of another that they are put into."""
+    """Points of one scan, and the range images of another that they are compared with."""
 
     # device (k, edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map, (inf, -inf)
-    # where nothing was seen; None for no image
+    # without a range; None without images
     views: cla.Array | None
-    # from `upload_viewpoints`, in the frame of the images' scan [any length unit]; None for no image
+    # from `upload_viewpoints`, in the frame of the images' scan [any length unit]; None without images
     viewpoints: cla.Array | None
     points: tuple[cla.Array, int]  # from `upload_points`, in their scan's frame [the same unit]
 
@@ -59,18 +58,18 @@ class Viewing:
 def agreement(
     device: Device, viewings: Sequence[Viewing], poses: cla.Array, tolerances: Sequence[tuple[float, float]]
 ) -> Pending[list[np.ndarray]]:
-    """Queue how points, moved by each pose, agree with what sensors saw; one launch for all.
+    """Queue the counts of points, moved by each pose, that agree with range images or contradict them, in one launch.
 
     Args:
         viewings: one, or two with images of the same edge.
-        poses: device (n, 16) float32 as `upload_poses` makes them, which bring the first viewing's points to its
-            images; the second's are brought by the inverse.
-        tolerances: one or two of (reach, slope): a range within reach + slope * range of the cell's agrees; nearer
-            contradicts, and farther is hidden. Not negative.
+        poses: device (n, 16) float32 from `upload_poses`; they move the first viewing's points to the frame of its
+            images, and their inverses move the second's.
+        tolerances: one or two of (reach, slope), not negative: a point within reach + slope * range of its cell's
+            ranges agrees; a nearer one contradicts them, and a farther one is hidden.
 
     Returns:
-        Of each viewing (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
-        something was seen.
+        (k, n, tolerances, 3) int64 for each viewing: points that agree, that contradict, and that fall into cells with
+        a range.
     """
     images = [0 if viewing.views is None else len(viewing.views) for viewing in viewings]
     n, _ = require_array(poses, "poses", (None, 16))
@@ -78,7 +77,7 @@ def agreement(
     seeing = [viewing for viewing in viewings if viewing.views is not None]
     if counts.size:
         both = viewings[0], viewings[-1]
-        # a viewing without an image has no job, but an argument
+        # a viewing without images has no job, but needs arguments
         shown = [seeing[0] if viewing.views is None else viewing for viewing in both]
         arrays = [cast(cla.Array, array) for viewing in shown for array in (viewing.views, viewing.viewpoints)]
         arrays += [viewing.points[0] for viewing in both]
@@ -94,6 +93,6 @@ def agreement(
 
 @cache
 def _float4(x: float, y: float, z: float, w: float) -> np.void:
-    """A kernel argument; PyOpenCL takes as long to make it as to launch a kernel."""
+    """A float4 kernel argument, cached because PyOpenCL takes as long to make it as to launch a kernel."""
     # pyrefly: ignore[missing-attribute]
     return cltypes.make_float4(x, y, z, w)

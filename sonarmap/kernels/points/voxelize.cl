@@ -17,7 +17,7 @@ static void put(const float4 p, const float16 pose, __global int* const volume, 
     if (!inside || !(p.w > 0)) return;
     const int row = (int)x * EDGE + (int)y;
     __global int* const voxel = volume + row * EDGE + (int)z;
-    // most points of a voxel find it full: the atomic costs far more than a look, and old values are never too high
+    // most points find their voxel filled: a read costs far less than the atomic, and old values are never too high
     if (*voxel < as_int(p.w)) atomic_max(voxel, as_int(p.w));
     if (marks && !marks[row / 8]) marks[row / 8] = 1;
 }
@@ -28,8 +28,8 @@ __kernel void voxelize(__global const float4* const restrict points, __global in
     if (n < count) put(points[n], pose, volume, 0);
 }
 
-// One volume for each of some poses, which are 20 floats each, the first 16 as above: pose `first` is that of volume 0.
-// marks are EDGE^2 / 8 ints, rounded up, for each volume: those of 8 rows that hold a point are set to 1.
+// One volume per pose. A pose is 20 floats, the first 16 as above; pose `first` is that of volume 0. marks are
+// EDGE^2 / 8 ints, rounded up, for each volume: one is set to 1 if any of its 8 rows holds a point.
 __kernel void voxelize_poses(__global const float4* const restrict points, __global int* const restrict volumes,
                              __global int* const restrict marks, __global const float* const restrict poses,
                              const int count, const int first) {
@@ -39,7 +39,7 @@ __kernel void voxelize_poses(__global const float4* const restrict points, __glo
     if (n < count) put(points[n], pose, volumes + number * EDGE * EDGE * EDGE, marks + number * ((EDGE * EDGE + 7) / 8));
 }
 
-// Points and weights on a grid of voxels of another size.
+// Points scaled to a grid of voxels of another size; weights stay.
 __kernel void scaled(__global const float4* const restrict points, __global float4* const restrict out, const int count,
                      const float factor) {
     const int n = get_global_id(0);

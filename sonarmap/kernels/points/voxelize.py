@@ -1,4 +1,4 @@
-"""Points to a volume: each voxel holds the largest weight of its points; and points on a grid of other voxels."""
+"""Voxelize points: each voxel holds the largest weight of its points. Scale points to a grid of other voxels."""
 
 import numpy as np
 import pyopencl.array as cla
@@ -16,7 +16,7 @@ def voxelize(
     offset: np.ndarray | None = None,
     out: cla.Array | None = None,
 ) -> cla.Array:
-    """The volume of points, moved by R and the offset on their way (Sect. 2.1 of the paper for weight 1).
+    """The volume of points that are first moved by R and the offset (Sect. 2.1 of the paper for weight 1).
 
     A point p goes to the voxel floor(R p + offset + edge/2 + 0.5); points outside are dropped.
 
@@ -50,8 +50,8 @@ def voxelize_poses(
     Args:
         points: (n, 4) float32, as in `voxelize`.
         volumes: (count, edge, edge, edge) float32, 0 everywhere.
-        marks: (count, edge^2 / 8, rounded up) int32: 1 is written for every 8 rows of which any holds a point.
-        poses: (m, 20) float32, m at least first + count: `affine_rows` of R and the offset + edge/2 + 0.5, and 4 more.
+        marks: (count, edge^2 / 8, rounded up) int32: set to 1 for each 8 rows that hold a point.
+        poses: (m, 20) float32, m at least first + count: `affine_rows` of R and the offset + edge/2 + 0.5; 4 unused.
         first: the first volume's pose.
     """
     points_count, _ = require_array(points, "points", (None, 4))
@@ -66,8 +66,7 @@ def voxelize_poses(
 
 
 def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
-    """Points (n, 4) float32, x, y, z and a weight, which stays, on a grid whose voxels are 1 / factor times as
-    large."""
+    """Points (n, 4) float32 with x, y, z times `factor`, for voxels 1 / factor times as large; weights stay."""
     count, _ = require_array(points, "points", (None, 4))
     result = device.empty((count, 4))
     if count:
