@@ -1,13 +1,13 @@
-// Layers brought to zero mean and unit variance, then windowed.
+// Normalize layers to mean 0 and variance 1, then multiply them by a window.
 //
 // Layout: stack is (layers, height, width) float32; mask and window (height, width) float32, the mask 1 where a pixel
-// counts and 0 elsewhere; rows (layers height, 3) float32: how many pixels of the row count, their mean, and the sum of
-// their squared deviations from it; scales (layers, 2) float32: the layer's mean and 1 / its standard deviation.
-// Deviations are taken about each row's own mean and then joined, so that a large mean costs no precision.
-// Precondition: none of the numbers that count is infinite or NaN. Launched in the order of this file.
+// counts and 0 elsewhere; rows (layers height, 3) float32: the number of the row's pixels that count, their mean, and
+// the sum of their squared deviations from it; scales (layers, 2) float32: the layer's mean and 1 / its standard
+// deviation. Deviations are taken about each row's own mean and then joined, so that a large mean costs no precision.
+// Precondition: all pixels that count are finite. Launch the kernels in the order of this file.
 #include "device/lanes.cl"
 #ifndef CONSTANT
-#define CONSTANT 2e-6f  // a layer whose deviation is this share of its mean or less is constant but for rounding
+#define CONSTANT 2e-6f  // share of the mean up to which a layer's deviation is only rounding
 #endif
 
 // One group per row.

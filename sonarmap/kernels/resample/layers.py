@@ -1,9 +1,9 @@
-"""Layers of a magnitude spectrum: sampled along directions and radii, brought to polar coordinates, normalized.
+"""Layers of a magnitude spectrum: sample them along directions and radii, or in polar coordinates, and normalize them.
 
 A table of directions is float32 (H, W, 3): unit vectors (x, y, z) of the upper hemisphere, one per pixel, or
-zero where the image shows nothing. Axis 0 of the unwraps runs along x and axis 1 along y.
+zero in unused pixels. Axis 0 of the unwraps runs along x and axis 1 along y.
 
-Shifts: sampling with R shows I_R(d) = |F|(R d). The spectrum of a source b(x) = a(R x + t) is
+Shifts: sampling with R gives I_R(d) = |F|(R d). The spectrum of a source b(x) = a(R x + t) is
 |B|(k) = |A|(R k), so the image of the source is the image of the target with this R."""
 
 import numpy as np
@@ -41,10 +41,10 @@ def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
     With R = Ry(pitch), on "y" exactly and near the center of "x": I_R[i] = I[i + pitch edge/pi].
     With R = Rx(roll), on "x" exactly and near the center of "y": I_R[j] = I[j - roll edge/pi].
     So with target I and source I_R, a `Pomf` peaks at (+pitch, -roll) edge/pi on both. Past the end of its
-    exact axis an image goes on as itself with the other axis mirrored (k and -k are alike), not cyclically.
+    exact axis an image continues with the other axis mirrored (|F|(k) = |F|(-k)), not cyclically.
 
     Args:
-        axis: "x" or "y", on which the poles lie.
+        axis: "x" or "y", the axis of the poles.
 
     Returns:
         (edge, edge, 3) float32.
@@ -56,18 +56,18 @@ def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
     elif axis == "x":
         x, y = np.sin(a), np.cos(a) * np.sin(b)
     else:
-        raise InputError(f"`axis={axis}`: the poles of an unwrap are on 'x' or 'y'")
+        raise InputError(f"`axis={axis}`; wanted 'x' or 'y', the axis of the poles")
     return np.stack([x, y, np.cos(a) * np.cos(b)], axis=-1).astype(np.float32)
 
 
 def valid_pixels(directions: np.ndarray) -> np.ndarray:
-    """(H, W) float32: 1 where a table of directions shows something, 0 at its zero vectors."""
+    """Mask (H, W) float32 of a table of directions: 1 at its unit vectors, 0 at its zero vectors."""
     return np.asarray(directions.any(axis=-1), np.float32)
 
 
 def upload_directions(device: Device, directions: np.ndarray) -> cla.Array:
-    """A table of directions on the device, (3, H, W) float32, for `sample`: unit vectors or zero (H, W, 3), H W a
-    multiple of 8."""
+    """Upload a table of directions (H, W, 3), unit vectors or zero, H W a multiple of 8, for `sample`: (3, H, W)
+    float32."""
     if directions.ndim != 3 or directions.shape[2] != 3 or directions[..., 0].size % _PIXELS_AT_ONCE:
         raise InputError(
             f"`directions` have shape {directions.shape}; wanted (H, W, 3), H W a multiple of {_PIXELS_AT_ONCE}"
@@ -109,7 +109,7 @@ def sample(
     pixels = height * width
     sizes = np.int32(len(radii)), np.int32(pixels)
     arrays = magnitude, directions, table(device, radii), result
-    # a processor finds a pixel's next radius close to the last
+    # a CPU finds a pixel's next radius close to the last in memory
     size = (pixels // lanes(device), along(device, len(radii)))
     launch(
         device, "resample/sphere", "sample", size, *arrays, *sizes, affine(R), group="columns", EDGE=edge
@@ -128,7 +128,7 @@ def polar_magnitude(
     """Bilinear samples of |F| at (radius cos angle, radius sin angle), axis 0 of the images being x.
 
     An image I turned by -psi, I_R(v) = I(Rz(psi) v), has |F_R|(k) = |F|(Rz(psi) k): its samples at an angle
-    are those of I at the angle + psi. With angles k pi / K, k = 0..K-1, which cover all there is of a real
+    are those of I at the angle + psi. With angles k pi / K, k = 0..K-1, which cover the spectrum of a real
     image, the samples are cyclic, and a `Pomf` of target I and source I_R peaks at +psi K / pi, for psi
     modulo 180 degrees.
 
@@ -155,7 +155,7 @@ def polar_magnitude(
 
 
 def _frequencies(radii: np.ndarray, angles: np.ndarray, nyquist: int) -> np.ndarray:
-    """(2, M, K) float32: where the samples lie along axes 0 and 1 [frequency bins]."""
+    """Positions (2, M, K) float32 of the samples along axes 0 and 1 [frequency bins]."""
     radii, angles = np.asarray(radii, np.float64), np.asarray(angles, np.float64)
     if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < nyquist - 1):
         raise InputError(f"`radii` are {radii}; wanted a list of numbers from 0 to below {nyquist - 1} bins")
@@ -172,13 +172,13 @@ def normalize_layers(
     mask: cla.Array | None = None,
     out: cla.Array | None = None,
 ) -> cla.Array:
-    """Every layer less its mean, over its standard deviation, times the window.
+    """Normalize each layer to mean 0 and standard deviation 1, and multiply it by the window.
 
     Args:
         stack: (L, H, W) float32, finite where the mask is 1; W a multiple of 8.
-        window: (H, W) float32, what the normalized layers are multiplied with; None for none.
-        mask: (H, W) float32, 1 for the pixels that mean and deviation are taken over, 0 for those that
-            become 0 (the zero vectors of an unwrap, `sphere.valid_pixels`); None: all count.
+        window: (H, W) float32 factors on the normalized layers; None for none.
+        mask: (H, W) float32, 1 for the pixels that count for mean and deviation, 0 for pixels that
+            become 0 (the zero vectors of an unwrap, `valid_pixels`); None: all count.
         out: (L, H, W) float32 to write to; may be the stack itself.
 
     Returns:

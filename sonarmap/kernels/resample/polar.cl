@@ -1,9 +1,9 @@
-// The magnitudes of images' half spectra, sampled on polar coordinates (Eq. 14 of the paper).
+// The magnitudes of images' half spectra, sampled in polar coordinates (Eq. 14 of the paper).
 //
 // Layout: spectrum (layers, n0, PITCH) complex64 as interleaved floats, not centered; PITCH complex numbers a row.
 // points are samples x 2 float32, planar: the frequencies along axis 0 (negative ones too) and axis 1 [bins];
-// out layers x samples float32. |F| is taken at the four corners, then interpolated; a real image has it alike at k and
-// -k, so that points with a negative second frequency are turned around.
+// out layers x samples float32. |F| is taken at the four corners, then interpolated; a real image has the same |F| at
+// k and -k, so points with a negative second frequency are negated.
 // Precondition: samples is a multiple of 8, frequencies lie inside (-n0/2, n0/2) and (-n1/2, n1/2).
 #include "device/lanes.cl"
 

@@ -2,7 +2,7 @@
 //
 // Layout: magnitude (EDGE, EDGE, EDGE/2 + 1) float32, centered in axes 0 and 1; directions planar, 3 x pixels
 // float32; out layers x pixels float32. turn holds the rows of R: samples are at k = radius (R direction), trilinear.
-// The magnitude of a real volume is the same at k and -k, so a direction with k_z < 0 is turned around; its sign does
+// The magnitude of a real volume is the same at k and -k, so a direction with k_z < 0 is negated; its sign does
 // not depend on the radius, and no cell of the interpolation lies across k_z = 0.
 // A direction of 0 gives 0.
 // Precondition: pixels is a multiple of 8, every radius is in [0, EDGE/2 - 1), and so all 8 corners are inside.
@@ -25,7 +25,7 @@
         v111 s = at[EDGE * DEPTH + DEPTH + 1];                                 \
     }
 
-// One work-item: LANES adjacent pixels, of all layers or, where there are as many items, of one.
+// One work-item: LANES adjacent pixels, of all layers on a CPU, of one layer on a GPU.
 __kernel void sample(__global const float* const restrict magnitude, __global const float* const restrict directions,
                      __global const float* const restrict radii, __global float* const restrict out,
                      const int layers, const int pixels, const float16 turn) {
