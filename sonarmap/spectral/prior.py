@@ -28,6 +28,9 @@ class RelativePrior:
     alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded in the world's axes.
     Which way these point in the target's frame is known from the target's prior, or, where the source's knows more,
     from that and R_target_source. Without any attitude only the length of the shift is bounded.
+
+    Attributes:
+        target, source: the priors of both scans.
     """
 
     target: PosePrior

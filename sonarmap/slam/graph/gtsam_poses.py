@@ -16,7 +16,11 @@ def to_pose3(T: RigidTransform) -> gtsam.Pose3:
 
 
 def to_values(T: RigidTransform) -> gtsam.Values:
-    """N transforms as GTSAM's values, under the keys 0..N-1."""
+    """GTSAM's values of poses, under the keys 0..N-1.
+
+    Args:
+        T: N transforms.
+    """
     values = gtsam.Values()
     for key, matrix in enumerate(T.as_matrix()):
         values.insert(key, gtsam.Pose3(matrix))
@@ -24,7 +28,12 @@ def to_values(T: RigidTransform) -> gtsam.Values:
 
 
 def to_transforms(values: gtsam.Values, count: int) -> RigidTransform:
-    """The transforms (Pose3) under the keys 0..count-1."""
+    """Poses of GTSAM's values.
+
+    Args:
+        values: with a Pose3 under each of the keys 0..count-1.
+        count: number of poses.
+    """
     return RigidTransform.from_matrix(np.stack([values.atPose3(key).matrix() for key in range(count)]))
 
 
