@@ -1,5 +1,5 @@
 """OpenCL devices, programs and launches.
 
-In: a selector such as "gpu" or "0:0". Out: a `Device`, which holds the context, the queue and its
-programs. `launch.py` is what every kernel's Python function shares: it checks arrays and enqueues kernels.
+In: a selector such as "gpu" or "0:0". Out: a `Device` with its context, queue and compiled programs. The Python
+function of every kernel uses `launch.py` to check its arrays and enqueue the kernel.
 """

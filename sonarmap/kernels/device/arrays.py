@@ -1,4 +1,4 @@
-"""Device arrays: memory that is used again, results on their way to the host, poses and places as kernels take them."""
+"""Device arrays: recycled memory, asynchronous copies to the host, and poses and points in the layout of kernels."""
 
 import ctypes
 import gc
@@ -21,8 +21,8 @@ _POOLS: WeakKeyDictionary[Device, MemoryPool] = WeakKeyDictionary()
 
 
 def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
-    """An uninitialized array, as `Device.empty` gives it; slices of it cannot be passed to kernels. Its memory goes to
-    the next one of about its size once nothing refers to it."""
+    """An uninitialized array from a pool, which reuses its memory once nothing refers to it. Slices of it cannot be
+    passed to kernels; otherwise as `Device.empty`."""
     device.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
     with device.explain_full_memory():
         if device not in _POOLS:
@@ -31,11 +31,11 @@ def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np
 
 
 def free_recycled() -> None:
-    """Give the system back what no array uses, until new ones are made."""
-    gc.collect()  # arrays that refer to one another
+    """Return unused memory of the pools to the system."""
+    gc.collect()  # collects arrays in reference cycles
     for pool in _POOLS.values():
         pool.free_held()
-    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # glibc keeps what is freed
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # glibc keeps freed memory
         libc.malloc_trim(0)
 
 
@@ -44,18 +44,18 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Pending(Generic[T]):
-    """What a kernel that is queued will say; `read` waits for it, if it is not there yet."""
+    """The result of queued kernels; `read` waits until it has arrived."""
 
     read: Callable[[], T]
 
 
 class Readback:
-    """The copy of a device array, as what is queued before it leaves it."""
+    """A copy of a device array on the host, taken after all commands queued so far."""
 
     def __init__(self, device: Device, array: cla.Array) -> None:
-        """Queue the copy, without waiting; the array may be used again by what is queued after it."""
+        """Queue the copy without waiting; commands queued later may overwrite the array."""
         self._host: np.ndarray[Any, Any] = np.empty(array.shape, array.dtype)
-        self._array = array  # whose memory must not go to another one before
+        self._array = array  # keeps its memory from being reused before the copy
         self._copied: cl.Event | None = None
         if array.nbytes:
             with device.explain_full_memory():
@@ -65,7 +65,7 @@ class Readback:
                 device.queue.flush()
 
     def read(self) -> np.ndarray[Any, Any]:
-        """The array; waits only where it is not there yet."""
+        """The copy, after waiting for it if necessary."""
         if self._copied is not None:
             if self._copied.command_execution_status != cl.command_execution_status.COMPLETE:
                 self._copied.wait()
@@ -74,8 +74,7 @@ class Readback:
 
 
 def upload_poses(device: Device, R: np.ndarray, t: np.ndarray) -> cla.Array:
-    """Device (k, 16) float32, the rows of [R | t] in the first 12, of (k, 3, 3) rotations and (k, 3) shifts [any
-    unit]."""
+    """Device (k, 16) float32, the rows of [R | t] in the first 12, from (k, 3, 3) rotations and (k, 3) shifts."""
     if R.shape != (len(R), 3, 3) or t.shape != (len(R), 3) or not (np.isfinite(R).all() and np.isfinite(t).all()):
         raise InputError(f"`R` and `t` have shapes {R.shape} and {t.shape}; wanted finite (n, 3, 3) and (n, 3)")
     rows = np.zeros((len(R), 4, 4), np.float32)
@@ -84,7 +83,7 @@ def upload_poses(device: Device, R: np.ndarray, t: np.ndarray) -> cla.Array:
 
 
 def upload_places(device: Device, points: np.ndarray) -> cla.Array:
-    """Points (n, 3) on the device, to be moved by poses: (n, 4) float32."""
+    """Device (n, 4) float32, the points (n, 3) and 0, which kernels move by poses."""
     rows = np.zeros((len(points), 4), np.float32)
     rows[:, :3] = points
     return device.to_device(rows)

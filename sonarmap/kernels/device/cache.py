@@ -1,5 +1,5 @@
-"""What is remembered of this machine's devices between runs, in the user's cache folder. Nothing depends on it: where a
-folder cannot be written, that is said once, and the work is done again."""
+"""Records about this machine's devices in the user's cache folder, such as test results. They only save time: if the
+folder cannot be written, a warning is logged once, and every run repeats the work."""
 
 import atexit
 import json
@@ -16,29 +16,29 @@ import platformdirs
 
 LOGGER = getLogger("sonarmap")
 _REMEDY = (
-    "what is compiled and tested for a device is forgotten after this run, and done again in the next, which takes "
-    "some seconds. Set {} to a folder that can be written."
+    "compiled kernels and test results of a device are not kept, and the next run repeats the work, which takes "
+    "some seconds. Set {} to a writable folder."
 )
-_ROOM = 1 << 20  # bytes, of a compiled program
+_ROOM = 1 << 20  # bytes that a compiled program needs
 _warned: set[Path] = set()
-_unwritten: dict[Path, dict[str, Any]] = {}  # what this process alone remembers
+_unwritten: dict[Path, dict[str, Any]] = {}  # records that only this process has
 
 
 def cache_folder() -> Path:
-    """Where sonarmap remembers; XDG_CACHE_HOME moves it on Linux."""
+    """The folder of the records; XDG_CACHE_HOME moves it on Linux."""
     return platformdirs.user_cache_path("sonarmap", appauthor=False)
 
 
 def kernel_cache() -> Path:
-    """Where PoCL keeps compiled kernels."""
+    """The folder in which PoCL keeps compiled kernels."""
     if folder := os.environ.get("POCL_CACHE_DIR"):
         return Path(folder)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "pocl", "kcache")
 
 
 def require_caches() -> None:
-    """Have the OpenCL libraries write to a temporary folder where they could not write to theirs: PoCL would have no
-    devices, and PyOpenCL no kernels. It has to be called before a driver is loaded."""
+    """Redirect the caches of OpenCL libraries to a temporary folder if theirs cannot be written: PoCL would show no
+    devices, and PyOpenCL would build no kernels. Call it before a driver is loaded."""
     if os.name != "posix":
         return
     pocl = kernel_cache()
@@ -53,7 +53,7 @@ def require_caches() -> None:
 
 
 def recall(name: str) -> dict[str, Any]:
-    """What `remember` wrote under this name; nothing where there is no such file, or a damaged one."""
+    """The record that `remember` wrote under this name; empty if the file is missing or damaged."""
     path = cache_folder() / f"{name}.json"
     if path in _unwritten:
         return _unwritten[path]
@@ -65,7 +65,7 @@ def recall(name: str) -> dict[str, Any]:
 
 
 def remember(name: str, content: dict[str, Any]) -> None:
-    """Write a whole file or none; where the folder cannot be written, say so once and keep it for this process."""
+    """Write a record atomically; if the folder cannot be written, warn once and keep the record in this process."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -84,16 +84,16 @@ def remember(name: str, content: dict[str, Any]) -> None:
 
 
 def digest(*parts: str) -> str:
-    """16 letters that stand for these texts."""
+    """A hash of these texts, 16 hexadecimal digits."""
     return sha256("\0".join(parts).encode()).hexdigest()[:16]
 
 
 def _fault(folder: Path) -> str:
-    """Why nothing can be written there, or ""; folders that are not there yet are not made."""
+    """Why a folder cannot be written, or ""; missing folders are not created."""
     try:
-        there = next(parent for parent in (folder, *folder.parents) if parent.exists())
-        with tempfile.TemporaryFile(dir=there) as file:
-            file.write(bytes(_ROOM))  # where it runs out, the compiler ends the whole process
+        existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+        with tempfile.TemporaryFile(dir=existing) as file:
+            file.write(bytes(_ROOM))  # without this room the compiler would end the process
     except OSError as error:
         return _reason(error)
     return ""

@@ -1,6 +1,6 @@
-// Zero bytes, with all the cores of a processor.
+// Fill memory with zero bytes on all cores of a processor.
 //
-// Layout: out is BYTES bytes for each work-item.
+// Layout: each work-item fills BYTES bytes of out.
 // Precondition: BYTES is a multiple of 64.
 #ifndef BYTES
 #define BYTES 4096

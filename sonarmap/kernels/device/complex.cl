@@ -1,9 +1,9 @@
-// Complex numbers of 8 or 16 lanes, real and imaginary parts apart, and how they meet interleaved memory.
+// Load and store interleaved complex numbers as vectors of 8 or 16 lanes, with separate real and imaginary parts.
 //
-// load_columns8 and store_columns8 take 8 adjacent complex numbers of one row; their lanes are in the order
-// 0 1 4 5 2 3 6 7, which costs one shuffle per part and which no column notices. Those of 16 keep the order.
-// transpose makes 8 lanes of 8 rows: row r of its argument is 4 adjacent complex numbers of row r of memory, and
-// afterwards rows 2 j and 2 j + 1 are the real and imaginary parts of number j. Pointers need be aligned to a float only.
+// load_columns8 and store_columns8 take 8 adjacent complex numbers of one row. Their lanes are in the order
+// 0 1 4 5 2 3 6 7: that needs one shuffle per part, and columns are independent. Those of 16 keep the order.
+// transpose turns 8 rows into 8 lanes: row r of its argument holds 4 adjacent complex numbers of row r of memory, and
+// afterwards rows 2 j and 2 j + 1 hold the real and imaginary parts of number j. Pointers need a float's alignment.
 
 static inline float8 shuffle_low(const float8 a, const float8 b) {
     return (float8)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
@@ -59,7 +59,7 @@ static inline void transpose(float8* t) {
     t[7] = (float8)(b3.hi, b7.hi);
 }
 
-// 4 complex numbers of 8 rows, `pitch` floats apart, to and from lanes. No loops: they would keep t in memory.
+// Load and store 4 complex numbers of 8 rows, `pitch` floats apart, as lanes. Loops would keep t in memory.
 static inline void load_rows(__global const float* from, const int pitch, float8* t) {
     t[0] = vload8(0, from);
     t[1] = vload8(0, from + pitch);

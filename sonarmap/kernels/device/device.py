@@ -1,6 +1,6 @@
-"""Choose and list OpenCL devices, build programs once, check memory before it is taken.
+"""Choose and list OpenCL devices, build programs once, and check memory before allocation.
 
-An OpenCL context must never be inherited by a forked process: spawn workers, and let each make its own `Device`.
+A forked process must not inherit an OpenCL context: spawn workers, and create a `Device` in each.
 """
 
 import os
@@ -41,19 +41,19 @@ _TEST_REMEDY = (
 Flavor = Literal["cpu", "gpu"]
 _FLAVORS: tuple[Flavor, ...] = ("cpu", "gpu")
 
-_FULL = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
+_OUT_OF_MEMORY = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
 
 
 class Device:
-    """An in-order queue on one device. All of a process share one context, with the programs built for it.
+    """An in-order command queue on an OpenCL device; the queues of a process share the device's context and programs.
 
     Attributes:
-        cl_device, context, queue: PyOpenCL's.
-        selector: "platform:device" by number, as `list_devices` gives it; "" where it was not chosen from a list.
-        notes: sentences that a user should read: which preferred devices were passed over, and why.
-        flavor: how its kernels are written: "cpu", a row or a few per work-item in explicit vectors, or "gpu", a voxel
-            or a column per work-item, neighbors beside each other in memory.
-        allocator: what gives arrays their memory; None: PyOpenCL. `kernels.device.trace.MemoryUsage` counts by it.
+        cl_device, context, queue: the PyOpenCL objects.
+        selector: "platform:device" by number, as in `list_devices`; "" if it was not chosen from a list.
+        notes: warnings for the user: which preferred devices were passed over, and why.
+        flavor: the variant of its kernels: "cpu" takes one or more rows per work-item, in explicit vectors; "gpu" takes
+            one voxel or column per work-item, and neighboring work-items access neighboring memory.
+        allocator: allocates the memory of arrays, as `kernels.device.trace.MemoryUsage` does; None for PyOpenCL's own.
     """
 
     def __init__(
@@ -67,9 +67,9 @@ class Device:
         """Open a queue on a device.
 
         Args:
-            flavor: None: what the environment variable SONARMAP_FLAVOR says, else as suits the device. Either runs on
-                every device; the other one is slow, and for tests.
-            profiling: whether the queue notes when each command began and ended, for `kernels.device.trace`.
+            flavor: None: the environment variable SONARMAP_FLAVOR, else the one that suits the device. Both run on
+                every device; the unsuitable one is slow and meant for tests.
+            profiling: whether the queue records when each command began and ended, for `kernels.device.trace`.
         """
         self.cl_device, self.selector, self.notes = device, selector, notes
         self.flavor: Flavor = flavor or _wanted_flavor() or ("cpu" if kind(device) == "cpu" else "gpu")
@@ -93,21 +93,20 @@ class Device:
 
     @cached_property
     def is_cpu(self) -> bool:
-        """Whether kernels are written in their CPU flavor (explicit vectors, no barriers), and memory is the host's."""
+        """Whether kernels use their CPU flavor (explicit vectors, no barriers), and arrays lie in host memory."""
         return self.flavor == "cpu"
 
     def program(self, name: str, **defines: int | float) -> cl.Program:
-        """The program of `kernels/<name>.cl`, built once per process and set of macros; GPU is one in the GPU
-        flavor."""
+        """The program `kernels/<name>.cl` with these macros, and GPU in the GPU flavor; built once per process."""
         options = tuple(f"-D{key}={literal(value)}" for key, value in sorted(defines.items()))
         options += () if self.is_cpu else ("-DGPU",)
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
-        """Build OpenCL C source, once per process; it can include files of kernels/, as `#include "device/complex.cl"`.
+        """Build OpenCL C source, once per process; it may include files of kernels/: `#include "device/complex.cl"`.
 
         Raises:
-            DeviceError: it does not build; the build log is in the message.
+            DeviceError: the build failed; the message contains the build log.
         """
         key = (source, options)
         if key not in self._programs:
@@ -134,37 +133,37 @@ class Device:
             if self.allocator is not None and values.nbytes:
                 memory = self.allocator(values.nbytes)
                 cl.enqueue_copy(self.queue, memory, values)
-            else:  # a buffer born with its content does not wait for what the queue does
+            else:  # creating a buffer with its content does not wait for queued commands
                 memory = cl.Buffer(self.context, flags, hostbuf=values) if values.nbytes else None
             return cla.Array(self.queue, values.shape, values.dtype, data=memory)
 
     @contextmanager
     def explain_full_memory(self) -> Generator[None]:
-        """Raise a DeviceError that says what to do where the driver has no memory left. Many drivers take it at the
-        first launch that needs it, and other programs use it too."""
+        """Raise a DeviceError that says what to do if the driver runs out of memory. Many drivers allocate only at the
+        first launch that uses an array, and other programs use the memory too."""
         try:
             yield
         except (cl.MemoryError, cl.RuntimeError) as error:
-            if not isinstance(error, cl.MemoryError) and error.code not in _FULL:
+            if not isinstance(error, cl.MemoryError) and error.code not in _OUT_OF_MEMORY:
                 raise
             raise DeviceError(
                 f"{self.name} has no memory or other resources left for this ({error}). "
-                "Use a smaller `edge`, or end other programs; 'sonarmap doctor' says which fits."
+                "Use a smaller `edge`, or close other programs; 'sonarmap doctor' says which edge fits."
             ) from None
 
     def require(self, largest: int, total: int = 0, hint: str = "a smaller `edge`") -> None:
-        """Refuse work that the device cannot hold, or that a forked process asks for.
+        """Raise DeviceError if arrays do not fit on the device, or if this process was forked.
 
         Args:
-            largest, total: size of the largest single array, and of all together [bytes].
-            hint: what the message says to use instead.
+            largest, total: size of the largest array, and of all arrays together [bytes].
+            hint: what the message recommends to use instead.
         """
         refuse_fork()
         limit, memory = self.cl_device.max_mem_alloc_size, self.memory
         if largest > limit or total > memory:
             raise DeviceError(
                 f"this needs {_size(max(total, largest))} on the device, {_size(largest)} of it in one piece; "
-                f"{self.name} has {_size(memory)}, and gives at most {_size(limit)} in one piece. Use {hint}."
+                f"{self.name} has {_size(memory)}, and allocates at most {_size(limit)} in one piece. Use {hint}."
             )
 
 
@@ -174,15 +173,15 @@ def _opened(device: cl.Device) -> tuple[cl.Context, dict[tuple[str, tuple[str, .
 
 
 def list_devices(test: bool = False, again: bool = True) -> list[DeviceInfo]:
-    """Every OpenCL device, each tried with a small kernel, in processes of their own.
+    """List all OpenCL devices; each is tried with a small kernel, in a separate process per driver.
 
     Args:
-        test: run the self-test of each that works, which takes some seconds, and remember what came out.
-        again: try drivers once more that did not answer since the machine started, each of which takes a minute.
+        test: run the self-test of each working device, which takes some seconds, and remember the result.
+        again: retry drivers that have timed out since the machine started; each takes a minute.
 
     Returns:
-        In the order of the drivers; a device that does not work says why in its `fault`, and so does a driver that
-        ended the process before it had one.
+        The devices in the order of the drivers; `fault` says why one does not work. A driver that crashed before it
+        listed a device has an entry of its own.
 
     Raises:
         DeviceError: there is no OpenCL driver.
@@ -191,36 +190,36 @@ def list_devices(test: bool = False, again: bool = True) -> list[DeviceInfo]:
 
 
 def device_names() -> list[tuple[str, str]]:
-    """The selector and the name of every OpenCL device, as last tried."""
+    """(selector, name) of every OpenCL device, as of the last trial."""
     return [(info.selector, info.name) for info in _some(known_devices())]
 
 
 def choose_device(selector: str | None = None) -> Device:
-    """The first device in order of preference that matches and works: GPUs come before CPUs.
+    """Choose the first matching device that works, GPUs before CPUs.
 
-    A driver is loaded only after it was tried in a process of its own (`kernels.device.trial`), and a GPU is believed
-    only after its self-test, which is run before its first use with this driver and these kernels; that it runs is
-    logged. A process loads one driver: the first choice decides for all that follow.
+    A driver is loaded only after a separate process has tried it (`kernels.device.trial`). A GPU also has to pass its
+    self-test, which runs before its first use with this driver and these kernels, with a line in the log. A process
+    loads only one driver: later calls choose among its devices.
 
     Args:
         selector: "platform:device" as `list_devices` gives them, each a number or a part of a name ("0:0",
             "pocl:0"), a platform's number ("0", its first device), "cpu", "gpu", or a part of a device's or its
-            platform's name or version ("3090", "pocl"). None: what the environment variable PYOPENCL_CTX says in
-            the same form, else any. `kernels.device.device_info.by_preference` has the order.
+            platform's name or version ("3090", "pocl"). None: the environment variable PYOPENCL_CTX, in the same form,
+            else any device. `kernels.device.device_info.by_preference` defines the order.
 
     Returns:
-        The device; its `notes` say which ones were passed over, and why.
+        The device; its `notes` say which devices were passed over, and why.
 
     Raises:
-        InputError: the selector is no text.
-        DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
+        InputError: the selector is not a string.
+        DeviceError: no device matches, or no matching device works; the message lists the devices.
     """
     if not isinstance(selector, str | None):
         raise InputError(f"`selector` is {type(selector).__name__}; wanted a name such as 'cpu' or '0:0', or None")
     refuse_fork()
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
     faults: list[str] = []
-    for look in (known_devices, try_devices):  # what is remembered may be out of date
+    for look in (known_devices, try_devices):  # remembered trials may be out of date
         infos = _some(look())
         faults = []
         for info in by_preference(_in_this_process(matching(wanted, infos))):
@@ -243,32 +242,32 @@ def _some(infos: list[DeviceInfo]) -> list[DeviceInfo]:
 
 
 def _in_this_process(infos: list[DeviceInfo]) -> list[DeviceInfo]:
-    """Those of the driver that this process has loaded, if it has one."""
+    """The devices of the driver that this process has loaded; all devices if it has loaded none."""
     driver = loaded_driver()
-    own = [info for info in infos if driver is None or info.driver_file == driver.file]
-    if driver and not own and (working := [info for info in infos if not info.fault]):
+    usable = [info for info in infos if driver is None or info.driver_file == driver.file]
+    if driver and not usable and (working := [info for info in infos if not info.fault]):
         raise DeviceError(
-            f"this process has loaded the OpenCL driver {driver.file}, and two in one process can end it: use "
-            f"{working[0].selector} {working[0].name} in a process of its own"
+            f"this process has loaded the OpenCL driver {driver.file}, and a second one can crash it: use "
+            f"{working[0].selector} {working[0].name} in a separate process"
         )
-    return own or infos
+    return usable or infos
 
 
 def _loaded(info: DeviceInfo, infos: list[DeviceInfo]) -> cl.Device:
-    """PyOpenCL's device, of a driver that is loaded now; which one is logged where there is a choice."""
+    """PyOpenCL's device, after loading its driver; the choice is logged if another driver works too."""
     others = {each.driver_file for each in infos if not each.fault} - {info.driver_file}
     if others and loaded_driver() is None:
-        LOGGER.info(f"{info.selector} {info.name} is used, by {info.driver_file}; PYOPENCL_CTX chooses another")
-    alike = [each for each in infos if (each.driver_file, each.identity) == (info.driver_file, info.identity)]
+        LOGGER.info(f"{info.selector} {info.name} is used, by {info.driver_file}; set PYOPENCL_CTX to choose another")
+    identical = [each for each in infos if (each.driver_file, each.identity) == (info.driver_file, info.identity)]
     platforms = load_devices(driver_of(info))
     devices = [device for platform in platforms for device in platform if identity(device) == info.identity]
-    if len(devices) < len(alike):
-        raise DeviceError(f"{info.selector} {info.name} is not there any more; 'sonarmap devices' shows what is")
-    return devices[alike.index(info)]
+    if len(devices) < len(identical):
+        raise DeviceError(f"{info.selector} {info.name} is gone; 'sonarmap devices' lists the remaining ones")
+    return devices[identical.index(info)]
 
 
 def _test_fault(info: DeviceInfo) -> str:
-    """What the self-test says against a device; what is no processor is tested before it is believed."""
+    """Test a device other than a processor that was never tested; return why it failed, or ""."""
     if info.kind == "cpu" or info.self_test != "not tested":
         return ""
     LOGGER.info(f"testing {info.name} before it is used for the first time with this driver: this takes some seconds")
@@ -279,7 +278,7 @@ def _test_fault(info: DeviceInfo) -> str:
 def _wanted_flavor() -> Flavor | None:
     wanted = os.environ.get("SONARMAP_FLAVOR", "")
     if wanted and wanted not in _FLAVORS:
-        raise InputError(f"the environment's SONARMAP_FLAVOR is {wanted!r}; wanted cpu, gpu, or nothing")
+        raise InputError(f"the environment variable SONARMAP_FLAVOR is {wanted!r}; set it to cpu or gpu, or unset it")
     return next((flavor for flavor in _FLAVORS if flavor == wanted), None)
 
 

@@ -1,4 +1,4 @@
-"""What is known of OpenCL devices without their drivers in this process, and which of them a selector means."""
+"""Descriptions of OpenCL devices that outlive their drivers, and the devices that a selector matches, in order."""
 
 import re
 from collections.abc import Iterable
@@ -15,16 +15,16 @@ State = Literal["passed", "failed", "not tested"]
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """One OpenCL device, or a driver that came to no device, as `list_devices` finds it.
+    """An OpenCL device, or a driver without devices, as `list_devices` returns it.
 
     Attributes:
-        selector: what `choose_device` takes to choose it, "platform:device"; of a driver without devices its number.
+        selector: "platform:device", which `choose_device` takes; the number of a driver without devices.
         name, platform, version, kind: as the driver gives them; kind is "cpu", "gpu" or "other".
-        compute_units: number of cores or multiprocessors; 0 of a driver without devices.
+        compute_units: number of cores or multiprocessors; 0 for a driver without devices.
         memory, largest_allocation: [bytes].
-        fault: why it cannot be used, or "" where a trial kernel ran and gave the right numbers, and no test failed.
+        fault: why it cannot be used, or "" if a trial kernel gave the right numbers and no self-test failed.
         self_test: "passed", "failed" or "not tested", with this driver and these kernels (`kernels.self_test`).
-        driver_file: what names its driver, a file .icd; "" where the loader found it by itself.
+        driver_file: the .icd file that names its driver; "" if the system's loader found the driver.
         vendor, platform_version, driver_version: as the driver gives them.
         clock: [MHz].
         shares_memory: whether its memory is the host's.
@@ -49,12 +49,12 @@ class DeviceInfo:
 
     @property
     def identity(self) -> tuple[str, str, str]:
-        """What tells a device with its driver from others: name, platform, driver."""
+        """Name, platform version and driver version: equal only for identical devices with the same driver."""
         return self.name, self.platform_version, self.driver_version
 
 
 def describe(device: cl.Device, selector: str) -> DeviceInfo:
-    """What a device says of itself; it is not tried."""
+    """The properties that a device reports; it is not tried."""
     platform = device.platform
     return DeviceInfo(
         selector=selector,
@@ -74,7 +74,7 @@ def describe(device: cl.Device, selector: str) -> DeviceInfo:
 
 
 def identity(device: cl.Device) -> tuple[str, str, str]:
-    """As `DeviceInfo.identity`."""
+    """The device's `DeviceInfo.identity`."""
     return device.name.strip(), device.platform.version.strip(), device.driver_version.strip()
 
 
@@ -86,9 +86,9 @@ def kind(device: cl.Device) -> str:
 
 
 def matching(wanted: str, infos: list[DeviceInfo]) -> list[DeviceInfo]:
-    """The devices that a selector means; as `kernels.device.device.choose_device` reads it."""
+    """The devices that match a selector of `kernels.device.device.choose_device`."""
     text = wanted.strip().lower()
-    if re.fullmatch(r"[^:]+:\s*\d+(\s*,\s*\d+)+", text):  # PyOpenCL takes this for a context of several
+    if re.fullmatch(r"[^:]+:\s*\d+(\s*,\s*\d+)+", text):  # for PyOpenCL a context of several devices
         first = wanted.partition(",")[0].strip()
         raise DeviceError(f"'{wanted}' names several OpenCL devices; choose one, as in '{first}'. {_listed(infos)}")
     if not text:
@@ -105,10 +105,10 @@ def matching(wanted: str, infos: list[DeviceInfo]) -> list[DeviceInfo]:
 def by_preference(infos: Iterable[DeviceInfo]) -> list[DeviceInfo]:
     """GPUs, then CPUs, then others.
 
-    Of GPUs, those with their own memory come first, then those with more compute units times clock. That counts
-    a maker's GPUs well and compares those of two makers roughly: what one calls a unit is several of another's.
-    Of CPUs, the drivers of one vendor come newest first, since an old PoCL does not know a new processor. Versions of
-    different vendors do not compare: their order, and that of all else, is the one in which the system lists them.
+    GPUs with their own memory come first, then those with more compute units times clock. This ranks GPUs of one maker
+    well, but those of different makers only roughly, as their units differ in size. CPU drivers of one vendor are
+    ordered newest first, since an old PoCL does not know a new processor. Versions of different vendors are not
+    comparable: vendors, and all other devices, keep the order in which the system lists them.
     """
     infos = list(infos)
     vendors = list(dict.fromkeys(info.vendor for info in infos))
@@ -121,16 +121,16 @@ def by_preference(infos: Iterable[DeviceInfo]) -> list[DeviceInfo]:
 
 
 def _listed(infos: list[DeviceInfo]) -> str:
-    known = (f"{info.selector} {info.name}" + (f" ({info.platform})" if info.platform else "") for info in infos)
-    return f"There are: {'; '.join(known)}"
+    names = (f"{info.selector} {info.name}" + (f" ({info.platform})" if info.platform else "") for info in infos)
+    return f"There are: {'; '.join(names)}"
 
 
 def _at_place(text: str, infos: list[DeviceInfo]) -> list[DeviceInfo]:
-    """The devices of "platform:device", each a number or a part of a name, or of a platform's number alone."""
+    """The devices that match "platform:device", each a number or part of a name, or a platform's number alone."""
     platform, colon, device = (part.strip() for part in text.partition(":"))
     if not platform or not (colon or platform.isdecimal()):
         return []
-    device = device or "0"  # as PyOpenCL takes it
+    device = device or "0"  # as in PyOpenCL
     matches: list[DeviceInfo] = []
     for info in infos:
         p, _, d = info.selector.partition(":")
@@ -141,7 +141,7 @@ def _at_place(text: str, infos: list[DeviceInfo]) -> list[DeviceInfo]:
 
 
 def _is_named(text: str, info: DeviceInfo) -> bool:
-    """Whether a text is part of the device's or its platform's name or version; digits count as a whole number."""
+    """Whether a text is part of the device's or its platform's name or version; a number matches whole numbers."""
     if text.isdecimal():
         return re.search(rf"(?<!\d){text}(?!\d)", info.name) is not None
     return text in f"{info.name} {info.version}".lower() or text in _platform_words(info)
@@ -152,7 +152,7 @@ def _platform_words(info: DeviceInfo) -> str:
 
 
 def _driver_age(info: DeviceInfo) -> tuple[list[int], bool]:
-    """Sorts old drivers before new ones, and a release candidate before the release."""
+    """Sort key: old drivers before new ones, and a release candidate before its release."""
     version = info.driver_version
     digits = re.search(r"\d+(\.\d+)*", version)
     return [int(part) for part in digits[0].split(".")] if digits else [], "rc" not in version.lower()

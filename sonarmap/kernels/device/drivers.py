@@ -1,6 +1,6 @@
-"""The OpenCL drivers of this machine, by the .icd files that name them, and the one that this process has loaded.
+"""The OpenCL drivers of this machine, named by .icd files, and the driver that this process has loaded.
 
-Two drivers can end a process, as PoCLs of two versions of LLVM do.
+Two drivers in one process can crash it, for example two PoCLs with different versions of LLVM.
 """
 
 import ctypes
@@ -19,23 +19,23 @@ import pyopencl as cl
 
 from sonarmap.kernels.errors import DeviceError
 
-# Of the loader; the first is ocl-icd's, the second Khronos'.
+# Environment variables of the loaders ocl-icd and Khronos.
 VARIABLES = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH")
-_ENTRY = "clGetExtensionFunctionAddress"  # which a loader asks every driver for (cl_khr_icd)
+_ENTRY = "clGetExtensionFunctionAddress"  # function that loaders look up in every driver (cl_khr_icd)
 SYSTEM_FOLDER = Path("/etc/OpenCL/vendors")
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver that a process can load: the file .icd that names it, or the library itself, and the library's path or
-    name; both "" for whatever the system's loader finds by itself."""
+    """An OpenCL driver: its .icd file, or the library itself, and the library's path or name; both are "" for the
+    drivers that the system's loader finds by itself."""
 
     file: str = ""
     library: str = ""
 
 
 def vendor_folder(environment: Mapping[str, str] = os.environ) -> tuple[Path, str]:
-    """Where drivers are looked for, and which variable says so, if any does."""
+    """The folder or file that names drivers, and the variable that sets it, or ""."""
     for variable in VARIABLES:
         if place := environment.get(variable):
             named = SYSTEM_FOLDER / place
@@ -44,23 +44,23 @@ def vendor_folder(environment: Mapping[str, str] = os.environ) -> tuple[Path, st
 
 
 def installed_drivers(environment: Mapping[str, str] = os.environ) -> list[Driver]:
-    """All drivers, each once, in the order of their files: those where a variable points, else the system's, pip's and
-    conda's; without any the one that the system's loader may find by itself."""
+    """All drivers, without duplicates, in the order of their files: those that a variable points to, else the system's,
+    pip's and conda's. If there is none, a `Driver()` for what the system's loader may find by itself."""
     place, variable = vendor_folder(environment)
     if place.is_file() and place.suffix != ".icd":
         return [Driver(str(place), str(place))]
     files = [place] if place.is_file() else sorted(place.glob("*.icd"))
     drivers = [Driver(str(file), _library(file)) for file in files]
     if not variable:
-        own = sorted(Path(sys.prefix, "etc", "OpenCL", "vendors").glob("*.icd"))
-        own += sorted(Path(sysconfig.get_path("platlib"), "pyopencl", ".libs").glob("*.icd"))
-        drivers += [Driver(str(file), library) for file in own if Path(library := _library(file)).is_file()]
-    found = {os.path.realpath(driver.library): driver for driver in reversed(drivers)}
-    return [*reversed(found.values())] or [Driver()]
+        files = sorted(Path(sys.prefix, "etc", "OpenCL", "vendors").glob("*.icd"))
+        files += sorted(Path(sysconfig.get_path("platlib"), "pyopencl", ".libs").glob("*.icd"))
+        drivers += [Driver(str(file), library) for file in files if Path(library := _library(file)).is_file()]
+    by_library = {os.path.realpath(driver.library): driver for driver in reversed(drivers)}
+    return [*reversed(by_library.values())] or [Driver()]
 
 
 def driver_fault(driver: Driver) -> str:
-    """Why a driver gives no device, if its file or library says so; loading may end the process."""
+    """Why a driver cannot be loaded, or "" if there is no obvious reason. Loading it may crash the process."""
     if not driver.library:
         return f"{driver.file} names no library" if driver.file else ""
     try:
@@ -71,12 +71,12 @@ def driver_fault(driver: Driver) -> str:
 
 
 def _library(file: Path) -> str:
-    """What a .icd file names: its absolute path beside the file, or in the environment where pip put it."""
+    """The library that a .icd file names, as a path if it lies beside the file or in Python's environment."""
     try:
         library = file.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         return ""
-    if "\0" in library:  # no path has one
+    if "\0" in library:  # not valid in a path
         return ""
     near = (file.parent / library, Path(sys.prefix, "lib", Path(library).name))
     return next((str(path) for path in near if library and path.is_file()), library)
@@ -84,36 +84,35 @@ def _library(file: Path) -> str:
 
 _lock = Lock()
 _loaded: Driver | None = None
-_owner = 0  # the process that loaded it
+_owner = 0  # id of the process that loaded it
 
 
 def loaded_driver() -> Driver | None:
-    """The driver of this process, once it has one."""
+    """The driver that this process has loaded, or None."""
     return _loaded
 
 
 def refuse_fork() -> None:
-    """Refuse a process that was forked from one that had loaded a driver: it would wait for the driver's threads for
-    ever."""
+    """Raise DeviceError if this process was forked after a driver was loaded: it would wait forever for its threads."""
     if _loaded is not None and os.getpid() != _owner:
         raise DeviceError(
-            "this process was forked from one that had used an OpenCL device, which cannot work here; start it anew, "
-            "as by multiprocessing.get_context('spawn')"
+            "this process was forked from one that had used an OpenCL device, and cannot use it; start a new process "
+            "instead, as with multiprocessing.get_context('spawn')"
         )
 
 
 def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Device]]:
-    """Load a driver, if it is not loaded yet, and nothing else: the devices of each of its platforms.
+    """Load this driver alone, unless it is loaded already, and return the devices of each of its platforms.
 
-    Where other code has asked for OpenCL's platforms before, all drivers are loaded already, and give their devices.
-    The folder is for a temporary file, which stays where the driver ends the process; None: the system's.
+    If other code has listed OpenCL's platforms before, all drivers are loaded, and all their devices are returned. A
+    temporary file is written to `folder` (None: the system's), and stays there if the driver crashes the process.
     """
     global _loaded, _owner
     refuse_fork()
     with _lock:
         if _loaded is not None and _loaded != driver:
             raise DeviceError(f"this process has loaded the OpenCL driver {_loaded.file}, not {driver.file}")
-        # of PyOpenCL's own programs
+        # warnings about PyOpenCL's own programs
         warnings.filterwarnings("ignore", category=cl.CompilerWarning, module="pyopencl")
         with _alone(driver, folder):
             try:
@@ -126,13 +125,13 @@ def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Devi
 
 @contextmanager
 def temporary_folder(within: str | None = None) -> Generator[str]:
-    """A folder for as long as the block lasts."""
+    """A folder that exists while the block runs."""
     try:
         made = tempfile.TemporaryDirectory(prefix="sonarmap-driver-", dir=within)
     except OSError as error:
         raise DeviceError(
-            f"to load an OpenCL driver takes a temporary file, which cannot be written ({error}); set TMPDIR to a "
-            "folder that can"
+            f"loading an OpenCL driver needs a temporary file, which cannot be written ({error}); set TMPDIR to a "
+            "writable folder"
         ) from error
     with made as folder:
         yield folder
@@ -141,13 +140,13 @@ def temporary_folder(within: str | None = None) -> Generator[str]:
 def _devices(platform: cl.Platform) -> list[cl.Device]:
     try:
         return platform.get_devices()
-    except cl.Error:  # a platform without devices is not an error of ours
+    except cl.Error:  # the platform has no devices
         return []
 
 
 @contextmanager
 def _alone(driver: Driver, within: str | None) -> Generator[None]:
-    """Have the loader see one driver. PyOpenCL's own also takes what lies beside it, wherever the variables point."""
+    """Show the loader only this driver. PyOpenCL's own loader also searches its own folder, PYOPENCL_HOME."""
     if not driver.library:
         yield
         return

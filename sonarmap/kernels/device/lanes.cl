@@ -1,10 +1,10 @@
-// One source for two flavors: how many adjacent numbers a work-item takes, and which of a row are its own.
+// Types and macros with which one kernel source serves two flavors: processors and graphics processors (GPU defined).
 //
-// For a processor a work-item takes LANES = 8 numbers at a time in an explicit vector and walks a whole row; for a
-// graphics processor (GPU is defined) it takes a single number, neighbors in a group taking neighbors in memory, and
-// many share a row. A kernel is written once, on `floatn`, and walks its row by ALONG or, where the items of a group
-// sum a row together, by SHARED and group_sum.
-// Precondition: rows are a multiple of 8 long; a group that sums has a power of two of items, at most MOST_ITEMS.
+// On a processor, a work-item takes LANES = 8 adjacent numbers at a time, in an explicit vector, and loops over a whole
+// row. On a graphics processor it takes one number at a time and shares the row with others; neighboring work-items
+// take neighboring numbers. Kernels compute with `floatn` and loop over a row by ALONG, or by SHARED and group_sum if a
+// work-group sums a row together.
+// Precondition: rows are a multiple of 8 long; a summing group has a power of two of items, at most MOST_ITEMS.
 #define MOST_ITEMS 256
 #ifdef GPU
 
@@ -33,10 +33,10 @@ static inline void store_complex(const float re, const float im, __global float*
     vstore2((float2)(re, im), 0, to);
 }
 
-// The sum over the group, for each of its items.
+// The sum over the group, returned to each of its items.
 static inline float group_sum(const float v, __local float* const scratch) {
     const int item = get_local_id(0);
-    barrier(CLK_LOCAL_MEM_FENCE);  // the sum before has been read
+    barrier(CLK_LOCAL_MEM_FENCE);  // all items have read the previous sum
     scratch[item] = v;
     for (int step = get_local_size(0) / 2; step > 0; step /= 2) {
         barrier(CLK_LOCAL_MEM_FENCE);

@@ -1,4 +1,4 @@
-"""Launch kernels and check their arrays: what every kernel's Python function does in the same way."""
+"""Launch kernels and check their arrays, for the Python functions of all kernels."""
 
 from collections.abc import Mapping
 from math import gcd, prod
@@ -17,42 +17,42 @@ from sonarmap.kernels.errors import InputError
 
 Shape = tuple[int, ...]
 
-# What a kernel's items are -> the group (CPU, GPU). Kernels with such a group return beyond what they are given.
+# What a work-item computes -> work-group (CPU, GPU). Groups are launched whole: surplus work-items have to return.
 GROUPS: Mapping[str, tuple[Shape, Shape]] = MappingProxyType(
     {
-        "numbers": ((32,), (256,)),  # 8 adjacent numbers or one, of an array without rows
-        "columns": ((1, 1), (64, 4)),  # 8 adjacent numbers or one; second dimension: layers or rows
-        "rows": ((1, 8, 1), (64, 4, 1)),  # a row or a number of it; then rows and planes
-        "planes": ((1, 1, 1), (64, 4, 1)),  # the same where rows take long
+        "numbers": ((32,), (256,)),  # 8 adjacent numbers (CPU) or one (GPU) of an array without rows
+        "columns": ((1, 1), (64, 4)),  # 8 adjacent numbers or one; then layers or rows
+        "rows": ((1, 8, 1), (64, 4, 1)),  # a row (CPU) or one number of it (GPU); then rows and planes
+        "planes": ((1, 1, 1), (64, 4, 1)),  # as rows, for kernels that take long for a row
         "sums": ((1,), (128,)),  # a group sums a row or an image
-        # a point each, in both flavors: a processor's compiler makes vectors of the group's loop; second: poses
+        # a point, in both flavors: a processor's compiler vectorizes the loop over the group; then poses
         "points": ((256, 1), (256, 1)),
     }
 )
-# of kernels that say nothing, along each dimension at most
+# largest work-group of kernels without a `group`, by number of dimensions
 _PLAIN: tuple[Shape, ...] = ((), (256,), (64, 4), (64, 4, 1))
 
 
 def lanes(device: Device) -> int:
-    """How many adjacent numbers a work-item takes (LANES of lanes.cl)."""
+    """Number of adjacent numbers that a work-item takes (LANES in lanes.cl)."""
     return 8 if device.is_cpu else 1
 
 
 def along(device: Device, count: int) -> int:
-    """How many work-items a row of `count` numbers has: one that walks it, or one each (ALONG of lanes.cl)."""
+    """Work-items per row of `count` numbers (ALONG in lanes.cl): a single one on processors, else one per number."""
     return 1 if device.is_cpu else count
 
 
 def team(device: Device) -> int:
-    """How many work-items a group of "sums" has, to multiply the number of groups with."""
+    """Work-items in a group of "sums"."""
     return GROUPS["sums"][0 if device.is_cpu else 1][0]
 
 
 def arrange(device: Device, size: Shape, group: str | Shape | None, most: int) -> tuple[Shape, Shape]:
-    """The size to launch, in whole groups, and the group, of `most` work-items at most.
+    """Global size and work-group size of a launch of `size` work-items.
 
-    The group is a key of GROUPS; or one to take as it is; or None: single items on a processor, elsewhere the largest
-    power of two that divides the size.
+    `group` is a key of GROUPS, shrunk to `most` work-items, with the size rounded up to whole groups; a group to use as
+    it is; or None: single work-items on a processor, elsewhere the largest powers of two that divide the size.
     """
     if isinstance(group, str):
         fitting = _shrink(GROUPS[group][0 if device.is_cpu else 1], most)
@@ -72,12 +72,12 @@ def _shrink(group: Shape, most: int) -> Shape:
     return group
 
 
-# PyOpenCL makes a new kernel object at every `program.name`, and reading a source costs more than a launch.
+# Kernels are kept: each `program.name` makes a new kernel object, and reading a source takes longer than a launch.
 _KERNELS: WeakKeyDictionary[Device, dict[tuple, tuple[cl.Kernel, int]]] = WeakKeyDictionary()
 _TABLES: WeakKeyDictionary[Device, dict[tuple, cla.Array]] = WeakKeyDictionary()
 _MOST_ITEMS = cl.kernel_work_group_info.WORK_GROUP_SIZE
 _TABLES_KEPT = 128
-_CLEARED = 4096  # bytes of one work-item
+_CLEARED = 4096  # bytes that a work-item of `zero` clears
 _FLOAT = 4  # bytes
 
 
@@ -94,16 +94,16 @@ def launch(
 
     Args:
         size: number of work-items along each dimension.
-        arguments: device arrays (or slices of them along the first axis), NumPy scalars, and the whole memory of an
-            array, as `memory_of` gives it to a kernel that is told where a slice begins.
-        group: as of `arrange`; with a key of GROUPS the kernel returns beyond what it is given.
+        arguments: device arrays (or slices of them along the first axis), NumPy scalars, and buffers of `memory_of`
+            for a kernel that takes the offset of a slice as another argument.
+        group: as in `arrange`; with a key of GROUPS, surplus work-items of the kernel have to return.
         defines: macros of the program.
     """
     kernels = _KERNELS.setdefault(device, {})
     key = (program, kernel, *defines.items())
     if key not in kernels:
         made = cl.Kernel(device.program(program, **defines), kernel)
-        # PyOpenCL takes five times as long for a number whose type it does not know
+        # PyOpenCL takes five times as long for numbers of undeclared type
         made.set_scalar_arg_dtypes([value.dtype if isinstance(value, np.generic) else None for value in arguments])
         kernels[key] = made, made.get_work_group_info(_MOST_ITEMS, device.context.devices[0])
     made, most = kernels[key]
@@ -118,7 +118,7 @@ def enqueue(
     *arguments: cla.Array | cl.Buffer | np.generic,
     group: tuple[int, ...] | None,
 ) -> None:
-    """Enqueue a kernel of a program that was generated; arguments and errors as in `launch`."""
+    """Enqueue a kernel of a generated program; arguments and errors as in `launch`."""
     refuse_fork()
     values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
     try:
@@ -129,7 +129,7 @@ def enqueue(
 
 
 def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
-    """The memory of a device array as a kernel takes it; of a slice along the first axis, its part."""
+    """The buffer of a device array as a kernel argument; a sub-buffer for a slice along the first axis."""
     if not array.offset:
         return memory_of(array)
     alignment = device.cl_device.mem_base_addr_align // 8
@@ -142,7 +142,7 @@ def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
 
 
 def zero(device: Device, array: cla.Array) -> None:
-    """Fill an array with zero bytes (`Array.fill` is 50 times slower on PoCL, whose own fill has one thread)."""
+    """Fill an array with zero bytes (`Array.fill` is 50 times slower on PoCL, as its fill has one thread)."""
     whole = array.nbytes // _CLEARED if device.is_cpu else 0
     if whole:
         launch(device, "device/clear", "clear", (whole,), array, BYTES=_CLEARED)
@@ -154,7 +154,7 @@ def zero(device: Device, array: cla.Array) -> None:
 
 
 def table(device: Device, values: np.ndarray) -> cla.Array:
-    """A small constant array on the device, uploaded once and found again by its content."""
+    """A small constant array on the device, uploaded once and cached by its content."""
     tables = _TABLES.setdefault(device, {})
     key = (values.tobytes(), values.shape, values.dtype.str)
     if key not in tables:
@@ -172,7 +172,7 @@ def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.
 
 
 def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.ndarray:
-    """(4, 4) float64: a rotation and a shift as `affine` puts them into one argument; errors as there."""
+    """(4, 4) float64 homogeneous matrix; InputError if `R` is no rotation or `offset` not finite."""
     turn = np.eye(3) if R is None else np.asarray(R, np.float64)
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     # not `allclose`, which takes longer than a launch
@@ -190,7 +190,7 @@ def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -
 def require_array(
     array: cla.Array, what: str, shape: tuple[int | None, ...], dtype: type = np.float32
 ) -> tuple[int, ...]:
-    """The shape of a device array that has the wanted shape (None: any length), dtype and C order."""
+    """Check a device array's shape (None: any length), dtype and C order, and return its shape."""
     fits = len(array.shape) == len(shape) and all(
         wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
     )
@@ -206,7 +206,7 @@ def require_array(
 def output(
     device: Device, out: cla.Array | None, what: str, shape: tuple[int, ...], dtype: type = np.float32
 ) -> cla.Array:
-    """The caller's array, checked, or a new one."""
+    """`out` if its shape and dtype are right, or a new array if it is None."""
     if out is None:
         return device.empty(shape, dtype)
     require_array(out, what, shape, dtype)
@@ -214,10 +214,10 @@ def output(
 
 
 def memory_of(array: cla.Array) -> cl.Buffer:
-    """The whole memory that an array or a slice is in: what it holds begins `array.offset` bytes into it."""
+    """The whole buffer that contains an array or a slice, `array.offset` bytes from its beginning."""
     return cast(cl.Buffer, array.base_data)
 
 
 def begin_of(array: cla.Array) -> np.uint64:
-    """How many floats into that memory an array begins."""
+    """Offset of an array in its `memory_of` buffer [floats]."""
     return np.uint64(array.offset // _FLOAT)

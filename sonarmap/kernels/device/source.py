@@ -1,4 +1,4 @@
-"""OpenCL C: numbers as literals, included files in place, compiling, the line of a build log that names the error."""
+"""OpenCL C source: number literals, includes, compilation, and the informative line of a build log."""
 
 import re
 import warnings
@@ -14,24 +14,24 @@ from sonarmap.kernels.device.device_info import identity
 
 KERNEL_FOLDER = Path(__file__).parents[1]
 
-# No vector is handed over between these programs and others; clang, where it does not know the widest registers of a
-# processor, warns of every one that is handed to a function.
+# Where clang does not know the widest registers of a processor, it warns of every vector that a function takes. These
+# programs pass no vectors to separately compiled code, so that the warning does not matter.
 _QUIET = """#ifdef __clang__
 #pragma clang diagnostic ignored "-Wpsabi"
 #endif
 """
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"[ \t]*$', re.MULTILINE)
-_NOT_LOG = ("Build on <", "(options:", "(source saved as")  # what PyOpenCL puts around a driver's log
+_NOT_LOG = ("Build on <", "(options:", "(source saved as")  # lines that PyOpenCL adds to a driver's log
 
 
 def literal(value: int | float | np.number) -> str:
-    """A number as OpenCL C: a whole one as it is, any other in single precision, read back to the same bits."""
+    """A number as an OpenCL C literal: integers exactly, others in single precision without loss."""
     return str(int(value)) if isinstance(value, Integral) else f"{float(np.float32(value))!r}f"
 
 
 def compile_program(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
-    """Compile OpenCL C as `Device.build` takes it, and say so if these kernels are new to the device; cl.Error if it
-    fails."""
+    """Compile OpenCL C for `Device.build`, with a line in the log if these kernels are new to the device; cl.Error if
+    it fails."""
     device = context.devices[0]
     record = f"compiled-{digest(*identity(device), str(kernel_cache()), kernels_digest())}"
     if not recall(record):
@@ -46,26 +46,25 @@ def compile_program(context: cl.Context, source: str, options: tuple[str, ...]) 
 
 @cache
 def kernels_digest() -> str:
-    """What tells these kernels from those of another version: their sources."""
+    """Digest of all sources of kernels/, which identifies their version."""
     files = sorted(path for suffix in ("*.cl", "*.py") for path in KERNEL_FOLDER.rglob(suffix))
     return digest(*(path.read_text(encoding="utf-8") for path in files))
 
 
 def complete(source: str) -> str:
-    """What a compiler gets: the source with its includes in place, and no warning asked for that is of no use."""
+    """The source for the compiler: includes replaced by their files, useless warnings disabled."""
     return _QUIET + _inline_includes(source)
 
 
 def _inline_includes(source: str) -> str:
-    """The source with each `#include "x.cl"` in place: drivers differ in how they read an include path that holds a
-    space."""
+    """Replace each `#include "x.cl"` by the file, since drivers differ in how they parse include paths with spaces."""
     return _INCLUDE.sub(
         lambda include: _inline_includes((KERNEL_FOLDER / include[1]).read_text(encoding="utf-8")), source
     )
 
 
 def informative_line(error: str) -> str:
-    """The most informative line of an error's text: the first with 'error' in it, else the last of the log."""
+    """The most informative line of an error's text: the first with 'error' in it, else the log's last."""
     lines = [line.strip() for line in error.splitlines()]
     lines = [line for line in lines if line and not line.startswith(_NOT_LOG)]
     return next((line for line in lines if "error" in line.lower()), lines[-1] if lines else "it gave no reason")

@@ -1,5 +1,5 @@
-"""How many threads this process may use. Only the standard library is imported here, as libraries read their numbers
-when they are loaded."""
+"""The number of threads of this process. Only the standard library is imported here, since other libraries read their
+thread counts when they are loaded."""
 
 import os
 from math import ceil
@@ -7,46 +7,45 @@ from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
 
-# What a user sets, and `share_cores` in the processes that it starts.
+# Set by the user, or by `share_cores` in worker processes.
 VARIABLE = "SONARMAP_THREADS"
 _QUOTA = Path("/sys/fs/cgroup/cpu.max")
-# What libraries read: PoCL before version 4, PoCL since, OpenMP (Open3D, small_gicp), the BLAS of NumPy and SciPy.
+# Read by PoCL before version 4, PoCL since, OpenMP (Open3D, small_gicp), and the BLAS of NumPy and SciPy.
 _OF_LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
 def thread_count() -> int:
-    """How many threads this process may use: what SONARMAP_THREADS says, else one for every core that it may run on."""
+    """Number of threads that this process may use: SONARMAP_THREADS, else one per core that it may run on."""
     wanted = os.environ.get(VARIABLE)
     if wanted is None:
         return _cores()
     if not (wanted.isascii() and wanted.isdigit() and int(wanted) > 0):
-        raise InputError(f"the environment's {VARIABLE} is {wanted!r}; wanted a whole number of at least 1, or nothing")
+        raise InputError(f"the environment variable {VARIABLE} is {wanted!r}; set a whole number above 0, or unset it")
     return int(wanted)
 
 
 def share_cores(processes: int) -> None:
-    """Have this process, one of `processes` at the same time, and the libraries that it loads use its share of the
-    cores."""
+    """Limit this process, one of `processes` that run at the same time, and its libraries to its share of the cores."""
     os.environ.setdefault(VARIABLE, str(max(1, _cores() // processes)))
     limit_libraries()
 
 
 def limit_libraries() -> None:
-    """Have the libraries that are loaded from now on use the threads that SONARMAP_THREADS allows, or, if the machine
-    has more, the cores that this process may run on. A library's own variable counts for more."""
+    """Limit libraries that are loaded from now on to `thread_count` threads, if SONARMAP_THREADS is set or this process
+    may use only some of the machine's cores. A library's own variable has precedence."""
     if VARIABLE in os.environ or _cores() < (os.cpu_count() or 1):
         for name in _OF_LIBRARIES:
             os.environ.setdefault(name, str(thread_count()))
 
 
 def _cores() -> int:
-    """How many cores this process may keep busy; a container or taskset may leave only some."""
+    """Number of cores that this process may use, at least 1; a container or taskset may limit it."""
     there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(there, _quota(there)))
 
 
 def _quota(there: int) -> int:
-    """How many cores' time a container may take (Linux, version 2 of control groups); `there` where nothing says so."""
+    """Number of cores that a container's CPU quota allows (Linux, cgroup v2); `there` if it has no quota."""
     try:
         most, period = _QUOTA.read_text(encoding="ascii").split()
         return ceil(int(most) / int(period))

@@ -1,7 +1,6 @@
-"""Count what a device is asked to do: launches, their time and arrays, waits of the host, and the bytes of its arrays.
+"""Count a device's kernel launches, their times and arrays, the host's waits, and the memory of arrays.
 
-A trace puts itself before PyOpenCL's functions while a block runs, for measurements; outside of one nothing is
-counted, and nothing costs.
+`tracing` wraps PyOpenCL's functions while a block runs, for measurements; elsewhere nothing is counted or slowed down.
 """
 
 import sys
@@ -24,15 +23,15 @@ from sonarmap.kernels.device.device import Device
 @dataclass(slots=True)
 class Counts:
     launches: int = 0  # kernels
-    reads: int = 0  # how often the host waited: blocking reads and maps, events and queues waited for
+    reads: int = 0  # waits of the host: for blocking reads and maps, for events and for queues
     writes: int = 0  # transfers from the host
-    # of each launch every array that it was given, once: all of them, also where it needs a part only
+    # total size of the array arguments of all launches, in full even where a kernel uses a part of an array
     array_bytes: int = 0
-    # of the launches, by kernel; their times are known if the device notes them
+    # (kernel, event) of each launch; events have times if the device was opened with `profiling`
     events: list[tuple[str, Any]] = field(default_factory=list)
 
     def kernel_seconds(self) -> dict[str, float]:
-        """The device's time by kernel, once the work is finished [s]; nothing where the queue notes none."""
+        """Device time per kernel [s], once the work is finished; empty without `profiling`."""
         seconds: dict[str, float] = {}
         for kernel, event in self.events:
             try:
@@ -45,7 +44,7 @@ class Counts:
 
 @contextmanager
 def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
-    """Count all that is asked of a device's queue while the block runs, in the `counts` of the moment."""
+    """Count what a device's queue does while the block runs, in what `counts` returns at that time."""
     tracer = _Tracer(device, counts)
     with ExitStack() as stack:
         for owner in (cl, binding):
@@ -62,7 +61,7 @@ def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
 
 
 class _Tracer:
-    """What is called before PyOpenCL's functions, each of which it is given first."""
+    """Wrappers of PyOpenCL's functions; each gets the original function as its first argument."""
 
     def __init__(self, device: Device, counts: Callable[[], Counts]) -> None:
         self._device, self._counts = device, counts
@@ -72,7 +71,7 @@ class _Tracer:
     def launched(self, original: Callable[..., Any], queue: Any, kernel: Any, *rest: Any, **options: Any) -> Any:
         event = original(queue, kernel, *rest, **options)
         if self._is_ours(queue):
-            # several launches may share the arguments that were set once
+            # arguments that were set once may serve several launches
             self._last = sum(self._passed) or self._last
             self._passed.clear()
             to = self._counts()
@@ -106,7 +105,7 @@ class _Tracer:
         return original(array)
 
     def uploaded(self, original: Callable[..., Any], of: Device, host: np.ndarray) -> Any:
-        if self._is_ours(of.queue) and of.allocator is None:  # else it is copied, and counts there
+        if self._is_ours(of.queue) and of.allocator is None:  # else `copied` counts it
             self._counts().writes += 1
         return original(of, host)
 
@@ -115,7 +114,7 @@ class _Tracer:
 
 
 def everywhere(function: Callable[..., Any]) -> list[tuple[Any, str]]:
-    """Every module of this project that knows a function, and under which name."""
+    """(module, name) of every reference to a function in this project's modules."""
     rooms = {"kernels", "spectral", "slam", "tools", function.__module__.partition(".")[0]}
     modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] in rooms]
     return [(module, name) for module in modules for name, value in list(vars(module).items()) if value is function]
@@ -123,7 +122,7 @@ def everywhere(function: Callable[..., Any]) -> list[tuple[Any, str]]:
 
 @contextmanager
 def _before(owner: Any, name: str, instead: Callable[..., Any]) -> Iterator[None]:
-    """Have `instead` called in place of a function, which it is given first."""
+    """Replace a function by `instead`, which gets the original as its first argument."""
     original = getattr(owner, name)
 
     @wraps(original)
@@ -138,21 +137,21 @@ def _before(owner: Any, name: str, instead: Callable[..., Any]) -> Iterator[None
 
 
 class MemoryUsage:
-    """What is allocated on one device from now on.
+    """Counter of the memory of a device's arrays.
 
     Attributes:
-        now, most: all arrays together, now and at most [bytes].
-        largest: the largest single array [bytes].
+        now, most: current and largest total size of all arrays [bytes].
+        largest: size of the largest array [bytes].
     """
 
     def __init__(self, device: Device) -> None:
-        """Begin to count; arrays that are there already do not count."""
+        """Begin to count; existing arrays do not count."""
         self.now = self.most = self.largest = 0
         self._context = device.context
         device.allocator = self._allocate
 
     def restart(self) -> None:
-        """Count the most anew, from what is allocated now."""
+        """Reset `most` to the current total, and `largest`."""
         self.most, self.largest = self.now, 0
 
     def _allocate(self, size: int) -> cl.Buffer:
@@ -168,4 +167,4 @@ class MemoryUsage:
 
 
 class _Watched(cl.Buffer):
-    """A buffer that can be watched until it is gone."""
+    """A buffer that can have a weak reference."""

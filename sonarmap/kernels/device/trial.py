@@ -1,6 +1,6 @@
-"""Every driver and its devices are tried in a process of their own: one that crashes or hangs is named, and harms
-nothing. What came out is remembered until the machine starts anew, or its drivers change; what a device's self-test
-said, until its driver or the kernels change."""
+"""Try each driver and its devices in a separate process, where a crash or a hang does no harm and is reported. Results
+are remembered until the machine restarts or the driver changes, those of self-tests until the driver or the kernels
+change."""
 
 import json
 import os
@@ -22,24 +22,24 @@ from sonarmap.kernels.device.source import informative_line, kernels_digest
 from sonarmap.kernels.device.threads import limit_libraries
 from sonarmap.kernels.errors import SonarmapError
 
-# For all devices of a driver; kernels may be compiled on a busy machine.
+# Time limits for all devices of a driver; kernels may be compiled on a busy machine.
 _SECONDS = 60.0
 _SECONDS_OF_TEST = 300.0
 _PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
-# Variables that say which devices a driver shows, by how they begin.
+# Prefixes of environment variables that select the devices of drivers.
 _VARIABLES = ("CUDA_VISIBLE", "GPU_DEVICE", "HIP_", "LD_", "NVIDIA_", "OCL_ICD_", "ONEAPI_", "POCL_DEV", "ROCR_", "ZE_")
-# By name: it runs all kernels, which are built on what asks for the self-test.
+# Imported by name when needed, since it imports all kernels, and kernels import this module.
 _CHECKS = "sonarmap.kernels.self_test"
 TEST_FAILED = "its self-test failed: "
 _FAILED = "the process that tried it failed: "
 
 
 def try_devices(test: bool = False, again: bool = False) -> list[DeviceInfo]:
-    """Try every driver now, as `kernels.device.device.list_devices` says."""
+    """Try every driver now; arguments and result as of `kernels.device.device.list_devices`."""
     devices: list[list[DeviceInfo]] = []
     for driver in _drivers():
         known = _known(driver) or []
-        if again or not any(LATE in info.fault for info in known):  # one that hangs would take all of its time again
+        if again or not any(LATE in info.fault for info in known):  # a hanging driver would take all of its time again
             known = _try(driver)
         if test and any(not info.fault for info in known):
             known = _try(driver, "all")
@@ -48,7 +48,7 @@ def try_devices(test: bool = False, again: bool = False) -> list[DeviceInfo]:
 
 
 def known_devices() -> list[DeviceInfo]:
-    """What the last trial of each driver said; one that this machine has not tried since it started is tried now."""
+    """The devices of each driver as last tried; a driver that was not tried since the machine started is tried now."""
     devices: list[list[DeviceInfo]] = []
     for driver in _drivers():
         known = _known(driver)
@@ -62,19 +62,19 @@ def known_devices() -> list[DeviceInfo]:
 
 
 def driver_of(info: DeviceInfo) -> Driver:
-    """The driver of a device."""
+    """The driver of a device, by its file."""
     return next((driver for driver in installed_drivers() if driver.file == info.driver_file), Driver())
 
 
 def run_self_test(info: DeviceInfo) -> tuple[State, str]:
-    """Run one device's self-test, and remember what it said."""
+    """Run one device's self-test in another process; remember and return the result and, if it failed, the reason."""
     driver = driver_of(info)
-    _try(driver, next(each.selector for each in _known(driver) or [] if each.identity == info.identity))
+    _try(driver, next(known.selector for known in _known(driver) or [] if known.identity == info.identity))
     return self_test_of(info.identity)
 
 
 def self_test(device: cl.Device) -> tuple[State, str]:
-    """Test a device in this process, which its driver may end: whether it passed, and if not, what failed."""
+    """Test a device in this process, which its driver may crash; return the result and, if it failed, the reason."""
     checks = import_module(_CHECKS)
     try:
         failed = [str(measured) for measured in checks.measure(checks.Device(device)) if not measured.passed]
@@ -85,20 +85,20 @@ def self_test(device: cl.Device) -> tuple[State, str]:
 
 
 def self_test_of(identity: tuple[str, str, str]) -> tuple[State, str]:
-    """What the last self-test of a device said, with this driver and these kernels."""
+    """Result and reason of the device's last self-test with this driver and these kernels."""
     kept = recall(_test_name(identity))
     state = kept.get("state")
     return (state, str(kept.get("reason", ""))) if state in ("passed", "failed") else ("not tested", "")
 
 
 def remember_self_test(identity: tuple[str, str, str], state: State, reason: str = "") -> None:
-    """Keep what a self-test said, for this process and others."""
+    """Record the result of a self-test for this process and others."""
     remember(_test_name(identity), {"state": state, "reason": reason, "device": identity})
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: load one driver, and try its devices. The arguments are its file and library, a folder for
-    temporary files, the first device to try, and whose self-test to run, as "0:1" or "all"."""
+    """In the other process: load one driver and try its devices. The arguments are the driver's file and library, a
+    folder for temporary files, the index of the first device to try, and which to self-test: "0:1", "all" or ""."""
     driver, folder, first, tested = Driver(*arguments[:2]), arguments[2], int(arguments[3]), arguments[4]
     nameless = driver.file and not driver.library  # without a library's name the loader would load all others
     platforms = [] if nameless else load_devices(driver, folder)
@@ -115,13 +115,13 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _drivers() -> list[Driver]:
-    limit_libraries()  # PoCL reads its number when its devices are asked for first, and where to write
+    limit_libraries()  # PoCL reads the thread count and the cache folder when its devices are first listed
     require_caches()
     return installed_drivers()
 
 
 def _try(driver: Driver, tested: str = "") -> list[DeviceInfo]:
-    """Try one driver, and remember what came out; after a device that ends the process, the rest in a new one."""
+    """Try one driver and remember the result; after a device that crashes the process, try the rest in a new one."""
     infos: dict[str, DeviceInfo] = {}
     answers = _ask(driver, infos, 0, tested)
     while answers.end and answers.named("begins"):
@@ -142,7 +142,7 @@ def _try(driver: Driver, tested: str = "") -> list[DeviceInfo]:
 
 
 def _ask(driver: Driver, infos: dict[str, DeviceInfo], first: int, tested: str) -> Answers:
-    """Have a process try the devices from `first` on, and add to `infos` what it says of each."""
+    """Try the devices from index `first` on in a new process, and add the results to `infos`."""
     seconds = _SECONDS_OF_TEST if tested else _SECONDS
     with temporary_folder() as folder:
         answers = ask(__name__, driver.file, driver.library, folder, str(first), tested, seconds=seconds)
@@ -157,7 +157,7 @@ def _ask(driver: Driver, infos: dict[str, DeviceInfo], first: int, tested: str) 
 
 
 def _blame(infos: dict[str, DeviceInfo], last: str, answers: Answers, tested: str) -> None:
-    """Say what is wrong with the device at which the process ended; an end when all is done harms nothing."""
+    """Record a fault of the device during whose trial or test the process ended; ending after both is no fault."""
     reason = f"{_FAILED}{answers.end}"
     faults = dict(answers.named("tried"))
     done = [selector for selector, *_ in answers.named("tested")]
@@ -168,7 +168,7 @@ def _blame(infos: dict[str, DeviceInfo], last: str, answers: Answers, tested: st
 
 
 def _known(driver: Driver) -> list[DeviceInfo] | None:
-    """What a trial said since the machine started and the driver changed; None where there was none."""
+    """The devices of the last trial; None if the machine has restarted or the driver has changed since."""
     kept = recall(_trial_name(driver))
     devices = kept.get("devices")
     if devices is None or kept.get("digest") != _digest(driver, devices):
@@ -186,7 +186,7 @@ def _test_name(identity: tuple[str, str, str]) -> str:
 
 
 def _digest(driver: Driver, devices: Any) -> str:
-    """Of what was found, and of what it depends on: the driver's files, the kernel that runs, the nodes of GPUs."""
+    """Digest of the devices and of what they depend on: the driver's files, the system's boot, the nodes of GPUs."""
     changes = [str(_changed(Path(path))) for path in (driver.file, driver.library, "/etc/ld.so.cache")]
     nodes = sorted(str(node) for kind in ("nvidia*", "dri/*", "kfd") for node in Path("/dev").glob(kind))
     try:
@@ -204,7 +204,7 @@ def _changed(path: Path) -> int:
 
 
 def _numbered(devices: list[list[DeviceInfo]]) -> list[DeviceInfo]:
-    """The devices of each driver, platforms counted over all drivers, and what self-tests said."""
+    """The devices of all drivers, with platforms numbered over all drivers, and with the results of self-tests."""
     infos: list[DeviceInfo] = []
     before = 0
     for of_driver in devices:
@@ -219,7 +219,7 @@ def _numbered(devices: list[list[DeviceInfo]]) -> list[DeviceInfo]:
 
 
 def _fault(device: cl.Device) -> str:
-    """Run a small kernel and look at its numbers; say in a few words what went wrong, or nothing."""
+    """Run a small kernel and check its result; return what went wrong, or ""."""
     try:
         context = cl.Context([device])
         queue = cl.CommandQueue(context)

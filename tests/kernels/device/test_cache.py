@@ -82,7 +82,7 @@ def test_a_folder_that_cannot_be_written_is_named_once(variable: str, tmp_path: 
     assert total == "1.0"
     assert warning.startswith(f"the cache folder {nowhere}")
     assert "(not a directory)" in warning
-    assert f"Set {variable} to a folder that can be written." in warning
+    assert f"Set {variable} to a writable folder." in warning
     used = folders.split(" ")[0 if variable == "XDG_CACHE_HOME" else 1]
     assert "sonarmap-cache-" in used
     assert not Path(used).exists()  # it is gone with the process

@@ -126,7 +126,7 @@ class TestChoice:
 
     def test_a_process_loads_one_driver(self, twice: list[DeviceInfo]) -> None:
         twice[1] = replace(twice[1], name="a card", driver_file="card.icd")
-        with pytest.raises(DeviceError, match=r"this process has loaded .*: use 0:1 a card in a process of its own"):
+        with pytest.raises(DeviceError, match=r"this process has loaded .*: use 0:1 a card in a separate process"):
             choose_device("0:1")
         assert choose_device().selector == "0:0"
         with pytest.raises(DeviceError, match="has loaded the OpenCL driver"):
@@ -134,7 +134,7 @@ class TestChoice:
 
     def test_one_that_is_gone_is_named(self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sonarmap.kernels.device.device.load_devices", lambda _: [])
-        with pytest.raises(DeviceError, match=r"0:0 .* is not there any more; 'sonarmap devices' shows what is"):
+        with pytest.raises(DeviceError, match=r"0:0 .* is gone; 'sonarmap devices' lists the remaining ones"):
             choose_device("0:0")
 
     def test_names_what_brings_a_driver(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

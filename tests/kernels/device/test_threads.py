@@ -41,7 +41,7 @@ def test_processes_share_the_cores(cores: int, monkeypatch: pytest.MonkeyPatch, 
 @pytest.mark.parametrize("text", ["0", "two"])
 def test_what_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("SONARMAP_THREADS", text)
-    refuses("SONARMAP_THREADS is .* whole number of at least 1", thread_count)
+    refuses("SONARMAP_THREADS is .* whole number above 0", thread_count)
 
 
 @pytest.mark.parametrize(
