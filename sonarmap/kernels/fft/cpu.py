@@ -4,7 +4,7 @@ A work-item takes 8 lines at a time as real and imaginary `float8` in private ar
 The last two axes of a plane are one kernel, so that the second finds the plane in the second-level cache; the
 first axis is another, which takes 16 lines as `float16` where the processor has such registers. Columns read and
 write memory in their first and last stage; rows are transposed in registers. An inverse transform is a forward one
-between real and imaginary parts that change places.
+with real and imaginary parts exchanged.
 """
 
 import numpy as np
@@ -15,16 +15,15 @@ from sonarmap.kernels.fft.stage import KEEP, Edges, block, half_turns, positions
 
 KERNEL = "__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void"
 _ARGUMENTS = "__global float* volume, __global float* spectrum, const ulong volume_at, const ulong spectrum_at"
-# Rows of the second axis in a sheet, of each of which 8 columns of the first axis are transformed at once: the first
-# number that divides the axis, by the lanes and by the length of the first axis.
+# Rows of the second axis in a sheet, of which 8 columns each are transformed at once along the first axis: the first of
+# these numbers that divides the second axis, for 16 lanes, for 8, and for 8 with a short first axis.
 _ROWS_OF_16 = (8, 6, 10, 4)
 _ROWS_OF_8 = (8, 6, 5, 4)
 _SHORT_ROWS_OF_8 = (4, 6, 5)
 
 
 def emit(layout: Layout, inverse: bool, lanes: int = 8) -> Plan:
-    """The program of a transform and its launches; `lanes`, 8 or 16, are the numbers in a vector along the first
-    axis."""
+    """Program and launches of a transform; `lanes`, 8 or 16, is the vector width along the first axis."""
     n0, n1, _ = layout.shape
     parts = ['#include "device/complex.cl"', *tables(layout, inverse)]
     parts.append(columns("columns_1", 2 * layout.pitch, Edges(n1, 1), inverse))
@@ -32,8 +31,8 @@ def emit(layout: Layout, inverse: bool, lanes: int = 8) -> Plan:
     parts.append(_planes(layout, inverse))
     passes = [Pass("planes", n0)]
     if not layout.batched:
-        # The elements of a column of the first axis are often a power of two apart, so that all of them meet in one
-        # set of the first-level cache. Several neighbors at once spread over several sets: up to 3 times faster.
+        # The elements of a column of the first axis are often a power of two apart and then share one set of the
+        # first-level cache. Neighboring columns together use several sets, which is up to 3 times faster.
         choices = _ROWS_OF_16 if lanes == 16 else _ROWS_OF_8 if n0 > 128 else _SHORT_ROWS_OF_8
         rows = next(count for count in choices if n1 % count == 0)
         edges, floats = Edges(n0, rows * 8 // lanes, f"float{lanes}"), 2 * layout.pitch * rows
@@ -49,7 +48,7 @@ def emit(layout: Layout, inverse: bool, lanes: int = 8) -> Plan:
 
 
 def tables(layout: Layout, inverse: bool) -> list[str]:
-    """The constant tables that the functions look up."""
+    """Declarations of the constant tables that the functions read."""
     n0, n1, _ = layout.shape
     edges = sorted({layout.row_points, n1, *(() if layout.batched else (n0,))})
     turns = {"half_turn": half_turns(layout.row_points, layout.row_scale(inverse), inverse)}
@@ -66,7 +65,7 @@ def _constant(kind: str, name: str, values: np.ndarray) -> str:
 def _planes(layout: Layout, inverse: bool) -> str:
     """The kernel of the last two axes: a work-item per plane."""
     _, n1, n2 = layout.shape
-    # where n1 is no multiple of 8 the last 8 rows lie over those before, and become the same again
+    # if n1 is no multiple of 8, the last 8 rows overlap the previous ones and are computed twice
     first = "i" if n1 % 8 == 0 else f"min(i, {n1 - 8})"
     row = f"rows(volume + row * {n2}, spectrum + row * {2 * layout.pitch})"
     rows = f"for (int i = 0; i < {n1}; i += 8) {{ const int row = {first}; {row}; }}"
@@ -82,7 +81,7 @@ def _planes(layout: Layout, inverse: bool) -> str:
 
 
 def columns(name: str, stride: int, edges: Edges, inverse: bool) -> str:
-    """The function that transforms adjacent columns in place, as many vectors as edges; stride is in floats."""
+    """The function that transforms `edges.wide` vectors of adjacent columns in place; stride is in floats."""
     first, lanes = radices(edges.n)[0], int(edges.vector.removeprefix("float"))
     re, im = ("i", "r") if inverse else ("r", "i")
 
@@ -103,8 +102,8 @@ static inline void {name}(__global float* p) {{
 def real_rows(layout: Layout, inverse: bool, maxima: bool = False) -> str:
     """The function that transforms 8 real rows: dense floats to half a spectrum, or back.
 
-    It needs the tables position_<M> and half_turn. With `maxima` an inverse takes two more arguments: where to store
-    the maximum of each row, 8 floats, and up to which cyclic distance from column 0 it is taken.
+    It needs the tables position_<M> and half_turn. With `maxima`, an inverse takes two more arguments: the array for
+    the maxima of the 8 rows, and the largest cyclic distance from column 0 of the numbers that count.
     """
     scale = layout.row_scale(inverse)
     rows = _spectra_to_rows(layout, scale, maxima) if inverse else _rows_to_spectra(layout)
@@ -114,7 +113,7 @@ def real_rows(layout: Layout, inverse: bool, maxima: bool = False) -> str:
 def _rows_to_spectra(layout: Layout) -> str:
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
     last = min(n, layout.pitch - 4)  # so that its tile stays within the row
-    # so that no column works on what memory happens to hold
+    # columns must not compute with uninitialized memory
     padding = f"for (int i = 0; i < 8; ++i) vstore8((float8)(0.0f), 0, spectrum + i * {pitch} + {pitch - 8});"
     return f"""
 static inline void rows(__global const float* volume, __global float* spectrum) {{
@@ -171,7 +170,7 @@ static inline void rows(__global float* volume, __global const float* spectrum{t
 
 
 def _row_maxima(n: int) -> str:
-    """Store the maxima of 8 rows of 2 n numbers, the even ones in im, the odd ones in re."""
+    """Statements that store the maxima of 8 rows of 2 n numbers, the even ones in im, the odd ones in re."""
     return f"""float8 top = -INFINITY;
     {KEEP} for (int k = 0; k < {n}; ++k) {{
         if (2 * k <= reach || 2 * k >= {2 * n} - reach) top = max(top, im[k]);
@@ -181,17 +180,17 @@ def _row_maxima(n: int) -> str:
 
 
 def _single_number(place: int, value: str) -> str:
-    """Make a tile of zeros but for one real number."""
+    """Statements that set a tile to zeros and one real number."""
     return " ".join(f"a[{j}] = {value if j == 2 * place else '0.0f'};" for j in range(8))
 
 
 def _tile(begin: str, n: int) -> str:
-    """The declaration of k, where a tile of 4 begins."""
+    """The declaration of k, the first number of a tile of 4."""
     return f"const int k = {begin if n % 4 == 0 else f'min({begin}, {n - 4})'};"
 
 
 def _untangle_tiles() -> str:
-    """Untangle 4 numbers from k on, in a, with their 4 mirror images, in b from the last to the first."""
+    """Statements that untangle the 4 numbers from k on, in a, and their mirror images, in b in reverse order."""
     return block(
         [
             f"untangle(a + {2 * j}, a + {2 * j + 1}, b + {6 - 2 * j}, b + {7 - 2 * j},"
@@ -202,7 +201,7 @@ def _untangle_tiles() -> str:
 
 
 def _tile_to_arrays(n: int, re: str, im: str, tile: str, numbers: list[str]) -> str:
-    """Put a tile's numbers in the digit-reversed order."""
+    """Statements that store a tile's numbers in digit-reversed order."""
     lines: list[str] = []
     for j, number in enumerate(numbers):
         at = f"position_{n}[{number}]"

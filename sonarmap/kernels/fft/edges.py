@@ -1,4 +1,4 @@
-"""The edges that have a Fourier transform, and the plan of one: the layout of its arrays, and its launches."""
+"""The edges that Fourier transforms support, and the plan of one: the layout of its arrays, and its launches."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,8 +11,7 @@ from sonarmap.kernels.errors import InputError
 
 _SMALLEST = 16
 _LARGEST = 512
-# The radices, and the time of a stage per point as measured, in a unit of its own; larger ones do not fit the
-# registers.
+# Radix -> measured time of a stage per point, in arbitrary units; larger radices do not fit into registers.
 _COSTS = {2: 0.8, 3: 0.9, 4: 1.05, 5: 1.2, 6: 1.3, 8: 1.5, 9: 1.7, 10: 1.75}
 _MOST_STAGES = 4
 _BLOCK = 8  # adjacent columns that are transformed together
@@ -31,22 +30,22 @@ KINDS = f"even products of 2, 3 and 5 from {_SMALLEST} to {_LARGEST}"
 
 
 def neighbors(edge: int) -> tuple[int, int]:
-    """The two allowed edges nearest to one that is not: below and above it, or the last two at an end."""
+    """The allowed edges below and above one that is not allowed; at an end of the range, the last two."""
     above = next((n for n, allowed in enumerate(EDGES) if allowed > edge), len(EDGES))
     first = min(max(above - 1, 0), len(EDGES) - 2)
     return EDGES[first], EDGES[first + 1]
 
 
 def row_pitch(length: int) -> int:
-    """Complex numbers from one row of a half spectrum to the next: length / 2 + 1 are valid, the rest fills blocks of
-    8, so that rows are aligned to the lines of the cache."""
+    """Complex numbers from one row of a half spectrum to the next: length / 2 + 1 valid ones, padded to blocks of 8 to
+    align rows to cache lines."""
     return (length // 2 // _BLOCK + 1) * _BLOCK
 
 
 @lru_cache
 def radices(n: int) -> tuple[int, ...]:
-    """The radices of a transform of n points, ascending, in the order of its stages: those that cost least. From 16
-    points on there are two stages at least: one that reads memory and one that writes it."""
+    """The cheapest radices of a transform of n points, ascending, in the order of its stages. From 16 points on there
+    are at least two stages: one that reads memory and one that writes it."""
     counts = range(1 if n < _SMALLEST else 2, _MOST_STAGES + 1)
     every = (chosen for count in counts for chosen in combinations_with_replacement(_COSTS, count))
     return min((chosen for chosen in every if prod(chosen) == n), key=lambda chosen: sum(_COSTS[r] for r in chosen))
@@ -71,7 +70,7 @@ class Layout:
 
     @property
     def row_points(self) -> int:
-        """Complex points per row that are transformed: a real row is packed into half as many."""
+        """Complex points per row of the transform: a real row is packed into half as many."""
         return self.shape[2] // 2
 
     @property
@@ -81,7 +80,7 @@ class Layout:
 
     @property
     def column_blocks(self) -> int:
-        """Blocks of 8 adjacent columns that hold every valid one."""
+        """Number of blocks of 8 adjacent columns that hold all valid ones."""
         return self.row_points // 8 + 1
 
     @property
@@ -94,7 +93,7 @@ class Layout:
         return prod(self.shape[1:] if self.batched else self.shape)
 
     def row_scale(self, inverse: bool) -> float:
-        """What a row is multiplied with: an inverse is divided by the points, of which a packed row has half."""
+        """The factor of a row: an inverse divides by the number of points, which packing halves."""
         return 2 / self.points if inverse else 1.0
 
 
@@ -109,9 +108,9 @@ class Pass:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A program and the launches, in order, that make it a transform. Every kernel takes the arrays (volume, spectrum),
-    how many floats into their memory they begin, and the table where there is one."""
+    """Program and launches of a transform. Every kernel takes the buffers of volume and spectrum, their arrays' offsets
+    in them [floats], and the table if there is one."""
 
     source: str  # OpenCL C
     passes: tuple[Pass, ...]  # the launches, in order
-    table: np.ndarray | None = None  # (n,) float32, twiddle factors to be put into the device's memory, or None
+    table: np.ndarray | None = None  # (n,) float32, twiddle factors for global memory, or None

@@ -1,9 +1,9 @@
-"""Emit the passes of sparse volumes for a processor: a spectrum is read once and written once on its way.
+"""Emit fused passes over sparse volumes for a processor, each of which reads and writes a spectrum once.
 
-Forward, the last two axes of a plane come first (`emit_planes`); rows without points are passed over, and so are
-planes. The pass of the first axis does more on the way: it whitens and writes magnitudes (`emit_spectra`), or whitens,
-multiplies by the target and the gains, and transforms back along the same axis (`correlate`), or adds up what the
-correlation holds near one shift (`near`). The last pass of the inverse transform notes the maximum of each row.
+A forward transform begins with the last two axes (`emit_planes`), which skips rows and planes without points. The pass
+of the first axis also whitens the spectrum and writes magnitudes (`emit_spectra`); or whitens it, multiplies it by the
+target and the gains, and transforms back along the same axis (`correlate`); or sums the correlation near one shift
+(`near`). The last pass of the inverse transform also stores the maximum of each row.
 """
 
 from sonarmap.kernels.device.source import literal
@@ -13,15 +13,15 @@ from sonarmap.kernels.fft.stage import KEEP, Edges, block, to_private
 
 
 def sheet_width(layout: Layout) -> int:
-    """How many adjacent blocks of 8 columns, and rows of the second axis, a work-item of the first axis takes."""
+    """Rows of the second axis per work-item of the first axis, and blocks of 8 columns that it transforms at once."""
     return 4 if layout.shape[0] <= 128 else 8
 
 
 def emit_planes(layout: Layout) -> str:
-    """The program of `planes`, the last two axes of volumes, a plane per work-item.
+    """Program of the kernel `planes`: the last two axes of volumes, a plane per work-item.
 
-    Rows that were read are cleared, and so are the marks, of which each stands for 8 rows; rows without hold zeros. A
-    plane of such rows alone is not written: `filled` is 0 for it.
+    Each mark stands for 8 rows that may hold points; other rows hold zeros. Marked rows are cleared once they are read,
+    and so are their marks. A plane without marks is not written, and its `filled` is 0.
     """
     _, n1, n2 = layout.shape
     pitch = 2 * layout.pitch
@@ -51,7 +51,7 @@ def emit_planes(layout: Layout) -> str:
 
 
 def forward_columns(edges: Edges, stride: int) -> str:
-    """The stages but the last of the columns at p, into re and im; `filled` points to the (n,) int of `emit_planes`."""
+    """All stages but the last of the columns at p, into re and im; `filled` is the (n,) int of `emit_planes`."""
     n, lanes = edges.n, int(edges.vector.removeprefix("float"))
 
     def load(q: int, _: str) -> str:
@@ -63,15 +63,14 @@ def forward_columns(edges: Edges, stride: int) -> str:
 
 
 def emit_spectra(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int = 8) -> str:
-    """The program of `sheets`, which follows the planes: a spectrum for each exponent of the whitening, and
-    magnitudes."""
+    """Program of the kernel `sheets`, after `planes`: a spectrum for each exponent of the whitening, and magnitudes."""
     parts = [f"#define LANE float{lanes}", f"#define ALIKE int{lanes}"]
     parts += ['#include "device/complex.cl"', '#include "pomf/whitening.cl"', *tables(layout, inverse=False)]
     parts += [_MAGNITUDES if magnitude else "", _columns(layout, exponents, magnitude, lanes)]
     return "\n".join([*parts, _sheets(layout, exponents, magnitude)])
 
 
-# The first `many` of 8 magnitudes; a row's last block has fewer than 8 that are valid.
+# Store the first `many` of 8 magnitudes; a row's last block has fewer than 8 valid ones.
 _MAGNITUDES = """
 static inline void store_magnitudes(__global float* to, const int many, const float8 values) {
     if (many >= 8) {
@@ -85,8 +84,8 @@ static inline void store_magnitudes(__global float* to, const int many, const fl
 
 
 def _columns(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int) -> str:
-    """The function that turns columns at p into whitened ones, in place for the first exponent. `first` is which block
-    of its sheet, which begins at `row`, p is."""
+    """The function that transforms and whitens the columns at p, in place for the first exponent. `row` is the first
+    row of the sheet, `first` the number of p's block in it."""
     n0, n1, _ = layout.shape
     stride, edges = 2 * n1 * layout.pitch, Edges(n0, 8 * sheet_width(layout) // lanes, f"float{lanes}")
     others = "".join(f", __global float* whitened{e}" for e in range(1, len(exponents)))
@@ -113,7 +112,7 @@ static inline void whitened_columns(__global float* p, __global const int* fille
 
 
 def _magnitude_rows(layout: Layout) -> str:
-    """Where the magnitudes of each block of 8 columns go, and how far along a row."""
+    """Declare pointers to the magnitudes of each block of 8 columns, and the blocks' positions in their rows."""
     _, n1, n2 = layout.shape
     wide, per_row = sheet_width(layout), layout.pitch // 8
     return f"""__global float* rows[{wide}];
@@ -126,10 +125,10 @@ def _magnitude_rows(layout: Layout) -> str:
 
 
 def _store_magnitudes(layout: Layout, lanes: int) -> str:
-    """The statements that store the root of `power`, of number f of column block i."""
+    """Statements that store the root of `power`, for number f of column block i."""
     n0, n1, n2 = layout.shape
     valid = n2 // 2 + 1
-    # of 8 lanes complex.cl says in which order they are
+    # the order of 8 lanes is that of complex.cl
     blocks = {"i": "root.s01452367"} if lanes == 8 else {"2 * i": "root.lo", "2 * i + 1": "root.hi"}
     stores = [f"store_magnitudes(rows[{b}] + to, {valid} - along[{b}], {values});" for b, values in blocks.items()]
     return f"""{{
@@ -140,7 +139,7 @@ def _store_magnitudes(layout: Layout, lanes: int) -> str:
 
 
 def _centered(index: str, n: int) -> str:
-    """Where the number of this index stands once frequency 0 is in the middle."""
+    """Expression of the position of an index when frequency 0 is in the middle."""
     return f"({index} < {n // 2} ? {index} + {n // 2} : {index} - {n // 2})"
 
 
@@ -159,13 +158,13 @@ def _sheets(layout: Layout, exponents: tuple[float, ...], magnitude: bool) -> st
 }}"""
 
 
-# Real and imaginary sums of a column near a shift: at it, times the cosine and the sine of 1 and of 2 voxels' phase.
+# Real and imaginary sums of a column: at a shift, and these times cosine and sine of the phases of 1 and 2 voxels.
 _SUMS = 10
 _HEADER = '#include "device/complex.cl"\n#include "pomf/whitening.cl"'
 
 
 def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
-    """The program of `correlate` and `near`, which follow the planes of `kernels.fft.fused`."""
+    """Program of the kernels `correlate` and `near`, which follow `planes`."""
     stride, edges = 2 * layout.shape[1] * layout.pitch, Edges(layout.shape[0], sheet_width(layout))
     parts = [_HEADER, *tables(layout, inverse=False)]
     parts += [_correlate_columns(edges, stride, exponents), _correlate(layout, exponents)]
@@ -174,7 +173,7 @@ def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
 
 
 def emit_inverse(layout: Layout) -> str:
-    """The program of `planes`, the last two axes of the inverse transform with the maxima of its rows."""
+    """Program of the kernel `planes`: the last two axes of the inverse transform, with the maxima of its rows."""
     parts = [_HEADER, *tables(layout, inverse=True)]
     parts.append(columns("columns_1", 2 * layout.pitch, Edges(layout.shape[1], 1), inverse=True))
     return "\n".join([*parts, real_rows(layout, inverse=True, maxima=True), _planes_with_maxima(layout)])
@@ -201,7 +200,7 @@ static inline void correlate_columns(__global const float* p, __global const int
 
 
 def _back_columns(edges: Edges, stride: int, e: int, exponent: float) -> str:
-    """From the spectrum in sr and si to the columns at product<e>: an inverse transform, its parts swapped."""
+    """The inverse transform of the product with the spectrum in sr and si, to product<e>; its parts are exchanged."""
     n = edges.n
 
     def load(q: int, _: str) -> str:
@@ -223,7 +222,7 @@ def _back_columns(edges: Edges, stride: int, e: int, exponent: float) -> str:
 
 
 def _sheet_head(layout: Layout) -> str:
-    """Which sheet of which volume a work-item has: `sheet`, `number`, and where it begins, `start` floats in."""
+    """Declare a work-item's `sheet`, its volume's `number`, and the sheet's offset `start` [floats]."""
     wide = sheet_width(layout)
     sheets = layout.shape[1] // wide
     return f"""const int sheet = get_global_id(0) % {sheets}, number = get_global_id(0) / {sheets};
@@ -232,7 +231,7 @@ def _sheet_head(layout: Layout) -> str:
 
 def _correlate(layout: Layout, exponents: tuple[float, ...]) -> str:
     """The kernel of the first axis, there and back; spectra are (exponents, count, n0, n1, pitch), the first in place;
-    energies (exponents, count, sheets + 1): the sums of |X|^2 and, last, the term X of frequency 0."""
+    energies (exponents, count, sheets + 1) are the sums of |X|^2 and, last, the term X of frequency 0."""
     n0, n1, _ = layout.shape
     wide, many = sheet_width(layout), range(len(exponents))
     sheets, floats, volume = n1 // wide, 2 * layout.pitch * wide, 2 * n0 * n1 * layout.pitch
@@ -269,7 +268,7 @@ static float sum8(const float8 v) {{
 
 
 def _near_columns(edges: Edges, stride: int, exponent: float) -> str:
-    """The function that adds up, along columns of the correlation's spectrum, the values within 2 of a shift."""
+    """The function that sums columns of the correlation's spectrum at the 5 shifts within 2 voxels of a given one."""
     n, wide = edges.n, edges.wide
     store = f"""float8 tr, ti, xr, xi;
                 load_columns8(target + f * {stride} + i * 16, &tr, &ti);
@@ -317,8 +316,8 @@ static inline void near_columns(__global const float* p, __global const int* fil
 
 
 def _near(layout: Layout) -> str:
-    """The kernel of the first axis of spectrum `number` that ends in sums (6, n1, pitch): 5 shifts, the power and X at
-    0."""
+    """The kernel of the first axis of spectrum `number`, with sums (6, n1, pitch): at 5 shifts, of the power, and X at
+    frequency 0."""
     n0, n1, _ = layout.shape
     wide = sheet_width(layout)
     return f"""
@@ -336,8 +335,8 @@ def _near(layout: Layout) -> str:
 
 
 def _planes_with_maxima(layout: Layout) -> str:
-    """The last two axes of correlations (exponents, count, n0, n1, n2), as far as the reaches of `poses` and 1 beyond;
-    tops (exponents, count, n0, n1) are the maxima of the rows within the reach along them."""
+    """The last two axes of correlations (exponents, count, n0, n1, n2), up to 1 voxel beyond the reaches in `poses`;
+    tops (exponents, count, n0, n1) are the maxima of the rows within their reach."""
     n0, n1, n2 = layout.shape
     pitch = 2 * layout.pitch
     return f"""

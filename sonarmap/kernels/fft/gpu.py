@@ -1,10 +1,9 @@
 """Emit the Fourier transform for a graphics processor: one work-group per 8 lines, in local memory.
 
-Every axis is a kernel. A work-group brings 8 lines into local memory in their digit-reversed order, does the
-stages in place, a barrier between them, and writes the lines back. Neighbors in a group touch neighbors in
-memory. Neighbors need different twiddle factors: they are in global memory, since constant memory gives work-items
-that ask for different numbers one after the other.
-An inverse transform is a forward one between real and imaginary parts that change places.
+Each axis has a kernel. A work-group loads 8 lines into local memory in digit-reversed order, computes the stages in
+place, with barriers between them, and stores the lines. Neighboring work-items access neighboring memory. They need
+different twiddle factors, which are in global memory, since constant memory serves different addresses one after the
+other. An inverse transform is a forward one with real and imaginary parts exchanged.
 """
 
 from dataclasses import dataclass
@@ -20,8 +19,8 @@ _BARRIER = "barrier(CLK_LOCAL_MEM_FENCE);"
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """An axis other than the last: its kernel, the points of a column, groups of work-items, and floats from one set of
-    adjacent columns to the next (outer) and from one element of a column to the next (stride)."""
+    """An axis other than the last: its kernel, points per column, number of work-groups, and the distances from one set
+    of adjacent columns to the next (outer) and from one element of a column to the next (stride) [floats]."""
 
     name: str
     points: int
@@ -31,7 +30,7 @@ class _Axis:
 
 
 def emit(layout: Layout, inverse: bool) -> Plan:
-    """The program of a transform and its launches; see `Plan`."""
+    """Program and launches of a transform; see `Plan`."""
     n0, n1, _ = layout.shape
     points, pitch, blocks = layout.row_points, 2 * layout.pitch, layout.column_blocks
     axes = [_Axis("columns_1", n1, n0 * blocks, n1 * pitch, pitch)]
@@ -41,26 +40,26 @@ def emit(layout: Layout, inverse: bool) -> Plan:
     for n in sorted({points, *(axis.points for axis in axes)}):
         turns |= twiddles(n)
     first = np.cumsum([0, *(values.size for values in turns.values())])
-    places = dict(zip(turns, first.tolist(), strict=False))
-    parts = [_rows(layout, places, inverse)]
+    offsets = dict(zip(turns, first.tolist(), strict=False))
+    parts = [_rows(layout, offsets, inverse)]
     passes = [Pass("rows", -(-n0 * n1 // 8), group_size(points))]
     for axis in axes:
-        parts.append(_columns(layout, places, axis, inverse))
+        parts.append(_columns(layout, offsets, axis, inverse))
         passes.append(Pass(axis.name, axis.groups, group_size(axis.points)))
     table = np.concatenate([*turns.values()])
     return Plan("\n".join(parts), tuple(reversed(passes) if inverse else passes), table)
 
 
 def group_size(n: int) -> int:
-    """Work-items of a group that transforms lines of n points: whole warps of 32."""
+    """Work-items of a group that transforms lines of n points: whole warps of 32, 256 at most."""
     return min(256, -(-n // 32) * 32)
 
 
-def _kernel(name: str, n: int, places: dict[str, int], body: list[str]) -> str:
-    """A kernel around its statements, with those tables declared that they name; `item` is the work-item's number."""
+def _kernel(name: str, n: int, offsets: dict[str, int], body: list[str]) -> str:
+    """A kernel with these statements, which declares the tables that they use; `item` is the work-item's number."""
     text = "\n    ".join(body)
     tables = [
-        f"__global const float* const {table} = tables + {place};" for table, place in places.items() if table in text
+        f"__global const float* const {table} = tables + {first};" for table, first in offsets.items() if table in text
     ]
     declared = "\n    ".join(tables)
     return f"""
@@ -78,7 +77,7 @@ void {name}(__global float* volume, __global float* spectrum, const ulong volume
 
 
 def _each(n: int, count: int, body: list[str]) -> list[str]:
-    """A loop whose `count` turns `t` are shared by the work-items of a group, and the barrier after it."""
+    """A loop over `t` < `count` that is shared by the work-items of a group, and the barrier after it."""
     return [
         f"for (int t = item; t < {count}; t += {group_size(n)}) {{",
         *(f"    {line}" for line in body),
@@ -113,7 +112,7 @@ def _parts(inverse: bool) -> tuple[str, str]:
 
 
 def _position(n: int, index: str) -> str:
-    """The expression of the position that element `index` of an edge takes before the first stage."""
+    """The expression of element `index`'s position in the digit-reversed order of an edge."""
     terms: list[str] = []
     weight, below = n, 1
     for radix in reversed(radices(n)):
@@ -123,8 +122,8 @@ def _position(n: int, index: str) -> str:
     return " + ".join(terms)
 
 
-def _columns(layout: Layout, places: dict[str, int], axis: _Axis, inverse: bool) -> str:
-    """The kernel of an axis; `places` are where each table begins."""
+def _columns(layout: Layout, offsets: dict[str, int], axis: _Axis, inverse: bool) -> str:
+    """The kernel of an axis; `offsets` are those of the tables."""
     re, im = _parts(inverse)
     blocks, n = layout.column_blocks, axis.points
     where = "const int line = t & 7, k = t >> 3;"
@@ -135,12 +134,12 @@ def _columns(layout: Layout, places: dict[str, int], axis: _Axis, inverse: bool)
     ]
     store = [f"{where} vstore2((float2)({re}[t], {im}[t]), 0, p + k * {axis.stride} + 2 * line);"]
     first = f"__global float* p = spectrum + group / {blocks} * {axis.outer} + group % {blocks} * 16;"
-    return _kernel(axis.name, n, places, [first, *_each(n, 8 * n, load), *_stages(n), *_each(n, 8 * n, store)])
+    return _kernel(axis.name, n, offsets, [first, *_each(n, 8 * n, load), *_stages(n), *_each(n, 8 * n, store)])
 
 
-def _rows(layout: Layout, places: dict[str, int], inverse: bool) -> str:
-    """The kernel of the last axis: packed real rows and their half spectra. The last group's rows may overlap those
-    before."""
+def _rows(layout: Layout, offsets: dict[str, int], inverse: bool) -> str:
+    """The kernel of the last axis: packed real rows and their half spectra. The last group's rows may overlap the
+    previous ones."""
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
     re, im = _parts(inverse)
     rows, pairs = layout.shape[0] * layout.shape[1], n // 2 + 1
@@ -155,12 +154,12 @@ def _rows(layout: Layout, places: dict[str, int], inverse: bool) -> str:
     at = "8 * group" if rows % 8 == 0 else f"min(8 * group, (size_t){rows - 8})"
     first = f"const size_t first = {at};"
     first += f" __global float *rows = volume + first * {length}, *spectra = spectrum + first * {pitch};"
-    kernel = _kernel("rows", n, places, [first, *loops])
+    kernel = _kernel("rows", n, offsets, [first, *loops])
     return untangle(layout.row_scale(inverse), "float") + kernel
 
 
 def _rows_to_spectra(n: int, re: str, im: str) -> tuple[list[str], list[str]]:
-    """Load point k of a packed row v; store numbers k and n - k of its half spectrum p."""
+    """Statements that load point k of a packed row v, and store numbers k and n - k of its half spectrum p."""
     load = [
         f"const int at = 8 * ({_position(n, 'k')}) + line;",
         "const float2 z = vload2(k, v);",
@@ -176,7 +175,7 @@ def _rows_to_spectra(n: int, re: str, im: str) -> tuple[list[str], list[str]]:
 
 
 def _spectra_to_rows(n: int, re: str, im: str) -> tuple[list[str], list[str]]:
-    """Load numbers k and n - k of a half spectrum p; store point k of its packed row v."""
+    """Statements that load numbers k and n - k of a half spectrum p, and store point k of its packed row v."""
     load = [
         f"float2 a = vload2(k, p), b = vload2({n} - k, p);",
         "if (k == 0) a.y = b.y = 0.0f;  // a real row has none there",

@@ -1,7 +1,7 @@
 """Write the stages of a Fourier transform as OpenCL C.
 
 An edge of N = r1 r2 ... points is transformed by decimation in time: its elements are put in the
-digit-reversed order of `scatter`, stage s turns every group of r_s transforms of r1..r_{s-1} points into one
+digit-reversed order of `positions`, stage s turns every group of r_s transforms of r1..r_{s-1} points into one
 of r1..r_s, in place, and the spectrum comes out in its natural order. Cooley and Tukey,
 doi:10.1090/S0025-5718-1965-0178586-1.
 """
@@ -55,12 +55,12 @@ class Butterfly:
         return self.multiply(a, (literal(np.cos(angle)), literal(np.sin(angle))))
 
     def turned(self, a: Value, b: Value) -> tuple[Value, Value]:
-        """Name a - i b and a + i b."""
+        """The values a - i b and a + i b."""
         (ar, ai), (br, bi) = a, b
         return self.let(f"{ar} + {bi}", f"{ai} - {br}"), self.let(f"{ar} - {bi}", f"{ai} + {br}")
 
     def weighted(self, values: list[Value], weights: list[float], first: Value | None = None) -> Value:
-        """Name the sum of values times real weights, added to a first one."""
+        """The sum of values times real weights, plus `first`."""
         parts: list[str] = []
         for part in (0, 1):
             terms = [f"{value[part]} * {literal(weight)}" for value, weight in zip(values, weights, strict=True)]
@@ -68,7 +68,7 @@ class Butterfly:
         return self.let(parts[0], parts[1])
 
     def transform(self, x: list[Value]) -> list[Value]:
-        """The transform of as many values as a product of 2, 3 and 5, in natural order."""
+        """The transform of n values, n a product of 2, 3 and 5, in natural order."""
         n = len(x)
         if n == 1:
             return x
@@ -131,8 +131,8 @@ def stage(n: int, index: int, scalar: str, load: Access, store: Access) -> list[
     """The body of the loop over the groups of one stage of an edge of n points.
 
     The loop declares `at`, the position of the group's first element, and from the second stage on `k`, the frequency
-    that this element has in its transform of the stage before. `load` is the statement that sets x<q>r and x<q>i, given
-    q and its position, `store` the one that stores y<q>r and y<q>i; `scalar` the type of a real part.
+    of this element in its transform of the previous stage. Given q and a position, `load` returns the statement that
+    sets x<q>r and x<q>i, and `store` the one that stores y<q>r and y<q>i. `scalar` is the type of a real part.
     """
     radix, before = radices(n)[index], prod(radices(n)[:index])
     butterfly = Butterfly(scalar)
@@ -150,7 +150,7 @@ def stage(n: int, index: int, scalar: str, load: Access, store: Access) -> list[
 
 
 def private_stages(n: int, begin: int, end: int, wide: int = 1, vector: str = "float8") -> str:
-    """Stages of `wide` edges, one behind the other in the private arrays re and im of this vector type."""
+    """Stages of `wide` edges, which are stored one after the other in private arrays re and im of a vector type."""
     lines: list[str] = []
     for index in range(begin, end):
         radix, before = radices(n)[index], prod(radices(n)[:index])
@@ -167,18 +167,18 @@ def private_stages(n: int, begin: int, end: int, wide: int = 1, vector: str = "f
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """`wide` edges of n points one behind the other, in the private arrays re and im of a vector type."""
+    """`wide` edges of n points, stored one after the other in private arrays re and im of a vector type."""
 
     n: int
     wide: int
     vector: str = "float8"
 
     def first(self, load: Access) -> str:
-        """The first stage, which puts what it loads in the digit-reversed order; `load` as in `stage`."""
+        """The first stage, which stores what it loads in digit-reversed order; `load` as in `stage`."""
         return self.loop(0, f"position_{self.n}[k]", load, to_private)
 
     def last(self, store: str, before: str = "", after: str = "") -> str:
-        """The last stage; `store` is the statement for number f of the spectrum, Q in place of q."""
+        """The last stage; `store` is the statement that stores number f of the spectrum, with Q for q."""
 
         def stored(q: int, _: str) -> str:
             f = q * self.n // radices(self.n)[-1]
@@ -214,7 +214,7 @@ def block(lines: list[str]) -> str:
 
 
 def twiddles(n: int) -> dict[str, np.ndarray]:
-    """The tables of an edge's stages: exp(-2 pi i k q / L), k < L / r, 0 < q < r, L the length it makes."""
+    """Twiddle factors per stage: exp(-2 pi i k q / L), k < L / r, 0 < q < r, with radix r and L points afterwards."""
     tables: dict[str, np.ndarray] = {}
     for index in range(1, len(radices(n))):
         radix, before = radices(n)[index], prod(radices(n)[:index])
@@ -228,7 +228,7 @@ def interleaved(values: np.ndarray) -> np.ndarray:
 
 
 def positions(n: int) -> np.ndarray:
-    """(n,) int64: the position that each element of an edge takes before the first stage."""
+    """(n,) int64: the position of each element of an edge in digit-reversed order."""
     remaining, weight, result = np.arange(n), n, np.zeros(n, np.int64)
     for radix in reversed(radices(n)):
         weight //= radix
@@ -248,11 +248,11 @@ def untangle(scale: float, scalar: str) -> str:
 
     A real row x is transformed as z[j] = x[2 j] + i x[2 j + 1], of M points. With
     E = Z[k] + conj(Z[M - k]) and D = Z[k] - conj(Z[M - k]): X[k] = E / 2 + v D and
-    X[M - k] = conj(E / 2 - v D), where v = -i / 2 exp(-pi i k / M), k <= M / 2. The way back has the same
+    X[M - k] = conj(E / 2 - v D), where v = -i / 2 exp(-pi i k / M), k <= M / 2. The inverse has the same
     form, with v = i / 2 exp(pi i k / M).
 
-    The function replaces the numbers at k, its first two arguments, and at M - k, the next two, by what
-    becomes of them, times `scale`; v, its last two, is from `half_turns` and scaled.
+    The function replaces the numbers at k (its first two arguments) and at M - k (the next two) by the
+    results times `scale`; v (the last two) is from `half_turns`, which has scaled it.
     """
     return f"""
 static inline void untangle({scalar}* ar, {scalar}* ai, {scalar}* br, {scalar}* bi, const float vr, const float vi) {{

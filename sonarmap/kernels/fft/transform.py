@@ -20,7 +20,7 @@ class _Transform:
         program = device.build(plan.source, name="fft")
         self._device = device
         self._tables = () if plan.table is None else (table(device, plan.table),)
-        # with these PyOpenCL need not look at each argument
+        # declared types save PyOpenCL an inspection of each argument
         types = [None, None, np.uint64, np.uint64, *(None for _ in self._tables)]
         self._launches = [
             (cl.Kernel(program, step.kernel), (step.groups * step.group_size,), (step.group_size,))
@@ -39,7 +39,7 @@ class _Transform:
 
 
 def column_lanes(device: Device) -> int:
-    """How many numbers a vector of the first axis has: as many as a register, 8 or 16."""
+    """Vector width along the first axis, as of a register: 8 or 16."""
     return 16 if device.cl_device.native_vector_width_float >= 16 else 8
 
 
@@ -47,7 +47,7 @@ class RealFFT:
     """Real to complex transforms, over all three axes or, batched, over the last two.
 
     Signs and scales are NumPy's (`rfftn`, `irfftn`): forward is unscaled, inverse divides by the number of
-    transformed points. Work is queued in order; nothing waits.
+    transformed points. Calls queue work in order and do not wait for it.
 
     Attributes:
         shape: of the real array, float32.
@@ -56,8 +56,8 @@ class RealFFT:
     """
 
     def __init__(self, device: Device, shape: tuple[int, int, int], batched: bool = False) -> None:
-        """Plan the transforms, which are built when they are used first: of edges that are even products of 2, 3 and 5
-        from 16 to 512; batched, of axes 1 and 2 only."""
+        """Plan the transforms; programs are built at first use. Edges have to be even products of 2, 3 and 5 from 16 to
+        512; batched, axis 0 may have any length."""
         layout = Layout(shape, batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
         self._device, self._layout = device, layout
@@ -71,8 +71,8 @@ class RealFFT:
         return _Transform(self._device, self._layout, True)
 
     def forward(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The half spectrum of a real array, which stays; in `out`, complex64 of `half_shape`, or a new array, whose
-        first touch can take longer than the transform."""
+        """The half spectrum of a real array, which is unchanged; in `out`, complex64 of `half_shape`, or a new array,
+        whose first use can take longer than the transform."""
         require_array(volume, "volume", self.shape)
         spectrum = output(self._device, out, "out", self.half_shape, np.complex64)
         self._forward(volume, spectrum)
