@@ -5,8 +5,8 @@ programs, `fft/` transforms volumes, `points/` puts points into voxels and views
 peaks, `resample/` samples spectra on layers, `so3/` correlates layers over all rotations, `surface/` finds nearest
 points and fits surfaces to each other. Every kernel is compared with NumPy or SciPy in its test.
 
-An array of another shape, dtype or order, and a number out of its range, raise an InputError; a device without room
-for what is asked, or that cannot build a program, a DeviceError.
+Arrays of the wrong shape, dtype or order and numbers out of range raise an InputError. A device that lacks memory or
+cannot build a program raises a DeviceError.
 """
 
 import lazy_loader

@@ -1,6 +1,6 @@
-"""A question to a process of its own: a library that crashes, hangs or takes all memory ends that process alone.
+"""Run a module's `main` in a separate process, so that a library that crashes, hangs or takes all memory does no harm.
 
-The module that is run calls `answer` with what it sees, step by step, so that what came before the end is known.
+The module reports its results by `answer`, step by step, so that those before a crash are known.
 """
 
 import json
@@ -25,7 +25,7 @@ LATE = "it did not answer within"
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What a process said, step by step in JSON's types, and why it ended before its time, or ""."""
+    """The answers of a process, step by step in JSON's types, and why it failed, or ""."""
 
     steps: tuple[dict[str, Any], ...]
     end: str
@@ -36,7 +36,7 @@ class Answers:
 
 
 def ask(module: str, *arguments: str, seconds: float) -> Answers:
-    """Run the `main` of a module of this project in another process for so long at most, and gather its answers."""
+    """Run the `main` of a module of this project in another process for at most `seconds`, and collect its answers."""
     try:
         run = subprocess.run(
             command_of(__name__, module, *arguments),
@@ -57,23 +57,23 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: run the `main` of the module named first, and say that it came to its end."""
+    """In the other process: run the `main` of the module named first, and report that it finished."""
     import_module(arguments[0]).main(arguments[1:])
     answer(**_DONE)
 
 
 def command_of(module: str, *arguments: str) -> list[str]:
-    """What runs a module's `main` in another process; the program that calls is not imported there once more."""
+    """Command that runs a module's `main` in another process without importing the calling program there."""
     return [sys.executable, "-P", "-c", _PROGRAM.format(module), *arguments]
 
 
 def environment() -> dict[str, str]:
-    """In which `command_of` finds this package."""
+    """Environment variables with which a `command_of` finds this package."""
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(_ROOT)]))}
 
 
 def answer(**step: Any) -> None:
-    """Say something to the process that asked; whatever else is printed goes to stderr from the first answer on."""
+    """Report results to the process that asked; from the first answer on, other output to stdout goes to stderr."""
     global _answers
     if _answers < 0:
         sys.stdout.flush()
@@ -82,7 +82,7 @@ def answer(**step: Any) -> None:
     os.write(_answers, json.dumps(step).encode() + b"\n")
 
 
-_answers = -1  # the descriptor that answers are written to
+_answers = -1  # file descriptor that answers are written to; negative before the first
 
 
 def _steps(output: bytes) -> tuple[dict[str, Any], ...]:
@@ -98,10 +98,10 @@ def _end(code: int, errors: str) -> str:
 
 
 def last_words(errors: str) -> str:
-    """What of stderr says most: an error's own line, else the last."""
+    """The most informative line of stderr: the first about an error or memory, else the last."""
     lines = [line.strip() for line in errors.splitlines() if line.strip()]
-    telling = [line for line in lines if "error" in line.lower() or "memory" in line.lower()]
-    return (telling or lines or [""])[-1][:200]
+    informative = [line for line in lines if "error" in line.lower() or "memory" in line.lower()]
+    return (informative or lines or [""])[-1][:200]
 
 
 def end_in_words(code: int) -> str:

@@ -1,4 +1,4 @@
-"""Numbers of things, bytes and times in words."""
+"""Counts, sizes and durations as text."""
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
@@ -7,7 +7,7 @@ def counted(number: int, noun: str, plural: str = "") -> str:
 
 
 def sized(size: int) -> str:
-    """Bytes, as in "488 MiB" or "2.3 GiB"; of any number of digits."""
+    """A size in bytes, as in "488 MiB" or "2.3 GiB"."""
     for unit, scale in (("GiB", 2**30), ("MiB", 2**20), ("KiB", 2**10)):
         if size >= scale:
             return f"{size // scale:,} {unit}" if size >= 10 * scale else f"{size / scale:.1f} {unit}"
@@ -15,7 +15,7 @@ def sized(size: int) -> str:
 
 
 def lasting(seconds: float) -> str:
-    """A time, as in "41 s", "12 min", "3 h 05 min" or "4 days"."""
+    """A duration, as in "41 s", "12 min", "3 h 05 min" or "4 days"."""
     minutes = round(seconds / 60)
     if seconds < 100:
         return f"{seconds:.0f} s"

@@ -6,10 +6,9 @@ from reprlib import repr as shortened
 
 
 class SonarmapError(Exception):
-    """Its message says what was given, what was expected and what to do.
+    """Base class of the errors that a user's input, files, options or machine can cause; others are bugs.
 
-    Every error that a user's input, files, options or machine can cause derives from this class; any
-    other exception is a defect of the program. Arguments are named in backticks.
+    The message says what was given, what was expected and what to do, with the names of arguments in backticks.
     """
 
 
@@ -18,12 +17,12 @@ class InputError(SonarmapError, ValueError):
 
 
 def path_error(error: OSError) -> InputError | None:
-    """What the user can fix where the system refuses a path, whoever asked for it; None for another fault."""
+    """An InputError for a path that the operating system refuses; None for other errors of the system."""
     if error.filename is not None:
         given = shortened(os.fsdecode(error.filename)) if not isinstance(error.filename, int) else "a file"
         return InputError(f"{given} cannot be used: {error.strerror}. Give another path")
     if error.errno == errno.ENOENT:
-        return InputError("the current folder is gone; change to one that exists, and start again from there")
+        return InputError("the current folder was deleted; change to an existing one, and start again")
     return None
 
 

@@ -1,4 +1,4 @@
-"""What a device computes, beside NumPy and beside the truth: transforms, voxels, peaks, and one small registration."""
+"""Self-test of a device: its results are compared with NumPy, and those of small registrations with the true poses."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,9 +21,8 @@ from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 from sonarmap.kernels.surface.cells import Elements, find_nearest, fit_planes, sort_into_cells
 from sonarmap.kernels.surface.refinement import Refinement, Weighting
 
-# what a transform of single precision may be off, over all and as a share of the whole: 5 times what PoCL is
-_TRANSFORM = 2e-6
-# the last is no whole number of any device's alignment, and has the odd radices
+_FFT_TOLERANCE = 2e-6  # largest relative error of a transform, 5 times that of PoCL
+# the last has odd radices, and a size that is no multiple of any device's alignment
 _SHAPES = ((32, 64, 128), (256, 16, 16), (18, 30, 50))
 _EDGE = 32  # voxels
 _BANDWIDTH = 16
@@ -33,7 +32,7 @@ _SHIFT = np.array([2.0, -3.0, 1.0])  # voxels
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """How far one number of a device is off, and may be, both in `unit` as "voxels", or "" for a share."""
+    """The error of a device's result and its tolerance, in `unit`, as "voxels", or relative where that is ""."""
 
     what: str
     off: float
@@ -42,17 +41,16 @@ class Measured:
 
     @property
     def passed(self) -> bool:
-        """Whether it is near enough; what is no number is not."""
+        """Whether the error is within its tolerance; NaN is not."""
         return bool(self.off <= self.tolerance)
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
-        return f"{self.what}: off by {self.off:.2g}{unit}, allowed are {self.tolerance:.2g}{unit}"
+        return f"{self.what}: off by {self.off:.2g}{unit}, tolerance {self.tolerance:.2g}{unit}"
 
 
 def measure(device: Device) -> Iterator[Measured]:
-    """Every check, one after the other; a few seconds, most of it for compiling. Raises what a device raises that
-    cannot."""
+    """Run all checks, in a few seconds, most of it for compiling; errors of a device that cannot run one are raised."""
     return chain.from_iterable(check(device) for check in CHECKS)
 
 
@@ -64,14 +62,14 @@ def _transforms(device: Device) -> Iterator[Measured]:
         spectrum = fft.forward(_behind_another(device, volume))
         want = np.fft.rfftn(volume.astype(np.float64))
         size = " x ".join(map(str, shape))
-        yield Measured(f"the Fourier transform of {size}", _error(spectrum.get()[..., :valid], want), _TRANSFORM)
-        yield Measured(f"the inverse transform of {size}", _error(fft.inverse(spectrum).get(), volume), _TRANSFORM)
+        yield Measured(f"the Fourier transform of {size}", _error(spectrum.get()[..., :valid], want), _FFT_TOLERANCE)
+        yield Measured(f"the inverse transform of {size}", _error(fft.inverse(spectrum).get(), volume), _FFT_TOLERANCE)
 
 
 def _voxels(device: Device) -> Iterator[Measured]:
     points, edge = _cloud(4000), 64
     place = points[:, :3].astype(np.float64) @ _TURN.as_matrix().T + _SHIFT + edge / 2 + 0.5
-    clear = (np.abs(place - np.round(place)) > 1e-3).all(axis=1)  # a point on the wall of two may fall into either
+    clear = (np.abs(place - np.round(place)) > 1e-3).all(axis=1)  # others may fall into either of two voxels
     points, place = points[clear], place[clear]
     got = voxelize(device, device.to_device(points), edge, _TURN.as_matrix(), _SHIFT).get()
     want = np.zeros_like(got)
@@ -80,7 +78,7 @@ def _voxels(device: Device) -> Iterator[Measured]:
 
 
 def _registration(device: Device) -> Iterator[Measured]:
-    """A cloud against itself, turned and moved: the rotation from the spectra's magnitudes, then the shift."""
+    """Register a cloud with its moved copy: the rotation from the magnitude spectra, then the shift."""
     target = _cloud(3000)
     source = target.copy()
     source[:, :3] = (target[:, :3] - _SHIFT) @ _TURN.as_matrix()  # _TURN of the source, then _SHIFT, is the target
@@ -100,7 +98,7 @@ def _registration(device: Device) -> Iterator[Measured]:
     correlation = search.correlate(coefficients, others)
     best, (peaks,) = _highest(device, correlation[0]), search.peaks(correlation)
     off = float(np.abs(peaks.index[0] - best.index).max()) if len(peaks.index) else np.inf
-    yield Measured("the place of the best rotation", off, 0.0, "samples")
+    yield Measured("the index of the best rotation", off, 0.0, "samples")
     R = search.rotations(best.shift)
     yield Measured("the rotation of a registration", float(np.rad2deg((R * _TURN.inv()).magnitude())), 5.0, "degrees")
     correlator, pose = Correlator(device, _EDGE, blur=1.0), Pose(_TURN.as_matrix())
@@ -112,7 +110,7 @@ def _registration(device: Device) -> Iterator[Measured]:
 
 
 def _surfaces(device: Device) -> Iterator[Measured]:
-    """The nearest points of a surface, and steps onto it from a pose that is a little off."""
+    """Find the nearest points of a surface, and refine a pose that is slightly wrong."""
     target, source = _cloud(3000)[:, :3], _cloud(2500, seed=8)[:, :3]
     cells = sort_into_cells(device, target)
     turn, shift = Rotation.from_rotvec([0.02, -0.01, 0.015]), np.array([0.3, -0.2, 0.25])
@@ -133,14 +131,14 @@ def _surfaces(device: Device) -> Iterator[Measured]:
     steps.step(1.5, alone=False)
     last = steps.end()
     record = last.read()
-    left = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))
-    yield Measured("the rotation of a refinement", left, 0.2, "degrees")
+    angle = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))
+    yield Measured("the rotation of a refinement", angle, 0.2, "degrees")
     yield Measured("the shift of a refinement", float(np.abs(record.shift).max()), 0.1, "voxels")
     apart = last.poses.get()[0, 3:12:4] - record.next_shift[0]
-    yield Measured("the shift that it leaves on the device", float(np.abs(apart).max()), 1e-4, "voxels")
+    yield Measured("the shift of a refinement on the device", float(np.abs(apart).max()), 1e-4, "voxels")
 
 
-# Each is given the device; a kernel that a registration needs belongs into one of them.
+# Every kernel that a registration needs has to be part of one of these checks.
 CHECKS: tuple[Callable[[Device], Iterator[Measured]], ...] = (_transforms, _voxels, _registration, _surfaces)
 
 
@@ -153,7 +151,7 @@ def _cloud(count: int, seed: int = 7) -> np.ndarray:
 
 
 def _behind_another(device: Device, volume: np.ndarray) -> Array:
-    """The volume as the second of two in an array, which begins where its size puts it."""
+    """The volume as the second slice of an array, with an offset that depends on its size."""
     return device.to_device(np.stack([np.zeros_like(volume), volume]))[1]
 
 
