@@ -1,4 +1,4 @@
-"""What another process says before it ends, in whatever way it ends."""
+"""Answers of another process, however it ends."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "probe_of_test.py"
 
 
-def test_what_libraries_print_is_not_an_answer(module: Path) -> None:
+def test_output_of_libraries_is_no_answer(module: Path) -> None:
     module.write_text(
         "import os\nfrom sonarmap.kernels.child import answer\n"
         "def main(arguments):\n    print('hello'); answer(a=1); print('{}')\n"
@@ -32,7 +32,7 @@ def test_what_libraries_print_is_not_an_answer(module: Path) -> None:
         pytest.param("time.sleep(600)", 6, "it did not answer within 6 s", marks=pytest.mark.slow),
     ],
 )
-def test_what_came_before_the_end_is_kept(module: Path, program: str, seconds: float, end: str) -> None:
+def test_answers_before_a_crash_are_kept(module: Path, program: str, seconds: float, end: str) -> None:
     first = "sys.stderr.write('LLVM ERROR: out of memory\\nAllocation failed\\n')" if "kill" in program else "pass"
     module.write_text(
         "import os, sys, time\nfrom sonarmap.kernels.child import answer\n"

@@ -1,4 +1,4 @@
-"""What kernels cannot use is refused before it is computed with: other shapes and types, no numbers, wrong bounds."""
+"""Kernels refuse wrong shapes, types, numbers and bounds before they compute."""
 
 from collections.abc import Callable
 
@@ -77,6 +77,6 @@ CASES: dict[str, Callable] = {
 
 
 @pytest.mark.parametrize("words", CASES)
-def test_what_cannot_be_used(device: Device, words: str) -> None:
+def test_unusable_input_is_refused(device: Device, words: str) -> None:
     with pytest.raises(InputError, match=words):
         CASES[words](device)

@@ -1,4 +1,4 @@
-"""A device is believed only after its self-test: what it measures, when it is run, and what is remembered of it."""
+"""The self-test of devices: what it measures, when it runs, and which result is remembered."""
 
 import logging
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> DeviceInfo:
-    """The processor as a GPU, 0:0, beside itself, 0:1; both are tested in this process, where checks can be damaged."""
+    """The processor as a GPU 0:0 and as itself 0:1, tested in this process, where checks can be damaged."""
     driver = loaded_driver()
     assert driver is not None
     processor = replace(describe(device.cl_device, "0:1"), driver_file=driver.file, kind="cpu")
@@ -53,12 +53,12 @@ def gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> DeviceInfo:
 
 @pytest.fixture
 def voxels(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the self-test check only these: the others are compiled for many seconds."""
+    """Limit the self-test to voxels, since compiling the rest takes many seconds."""
     monkeypatch.setattr(checks, "CHECKS", checks.CHECKS[1:2])
 
 
 def damage(monkeypatch: pytest.MonkeyPatch, name: str, change: Damage) -> None:
-    """Have a function that the checks call return something else."""
+    """Change the result of a function that the checks call."""
     actual = getattr(checks, name)
     monkeypatch.setattr(checks, name, lambda *given, **options: change(actual(*given, **options)))
 
@@ -79,7 +79,7 @@ def test_both_flavors_pass(device: Device) -> None:
     measured = list(checks.measure(device))
     assert len(measured) == 15
     assert not [str(number) for number in measured if not number.passed]
-    # what is allowed is a measure of right numbers, not of anything: half of it would do
+    # tolerances leave a margin of a factor of 2
     assert all(number.off <= number.tolerance / 2 for number in measured)
 
 
@@ -93,7 +93,7 @@ def test_both_flavors_pass(device: Device) -> None:
     ],
 )
 @pytest.mark.slow
-def test_a_failing_device_is_passed_over(gpu, monkeypatch, name, change, reason):
+def test_failing_device_is_passed_over(gpu, monkeypatch, name, change, reason):
     damage(monkeypatch, name, change)
     chosen = choose_device()
     assert chosen.selector == "0:1"
@@ -104,8 +104,8 @@ def test_a_failing_device_is_passed_over(gpu, monkeypatch, name, change, reason)
 
 
 @pytest.mark.slow
-def test_a_transform_that_is_a_little_wrong_fails(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a part in ten thousand of one number in a thousand."""
+def test_slightly_wrong_transform_fails(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """About 500 numbers are wrong by 1 %."""
     forward = checks.RealFFT.forward
 
     def slightly_wrong(self: checks.RealFFT, volume: Any, out: Any = None) -> Any:
@@ -124,7 +124,7 @@ def test_a_transform_that_is_a_little_wrong_fails(device: Device, monkeypatch: p
 
 
 @pytest.mark.usefixtures("voxels")
-def test_one_that_is_asked_for_is_refused(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failing_device_is_refused_if_selected(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch) -> None:
     damage(monkeypatch, "voxelize", with_a_wrong_voxel)
     with pytest.raises(DeviceError, match=r"'0:0' works\. 0:0 .*off by 1 voxels.*'cpu'.*'sonarmap devices --test'"):
         choose_device("0:0")
@@ -134,21 +134,21 @@ def test_one_that_is_asked_for_is_refused(gpu: DeviceInfo, monkeypatch: pytest.M
 
 
 @pytest.mark.usefixtures("voxels")
-def test_it_is_tested_once(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+def test_gpu_is_tested_once(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, "sonarmap")
     assert [info.self_test for info in list_devices()] == ["not tested", "not tested"]
     assert choose_device().selector == "0:0"
     assert "testing a card before it is used for the first time" in caplog.text
     monkeypatch.setattr(checks, "measure", no_measure)
     assert choose_device().selector == "0:0"
-    assert choose_device("0:1").selector == "0:1"  # a processor is not tested by itself
+    assert choose_device("0:1").selector == "0:1"  # a processor is not tested before use
     assert [info.self_test for info in list_devices()] == ["passed", "not tested"]
     with pytest.raises(AssertionError, match="tested again"):
         list_devices(test=True)
 
 
 @pytest.mark.parametrize("changed", ["driver", "kernels"])
-def test_another_driver_or_kernel_is_tested_again(monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
+def test_new_driver_or_kernels_are_tested_again(monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
     card = ("a card", "OpenCL 3.0", "1.0")
     remember_self_test(card, "passed")
     assert self_test_of(card) == ("passed", "")

@@ -1,4 +1,4 @@
-"""The cache folders: where they cannot be written that is said once, and everything goes on."""
+"""The cache folders: if they cannot be written, a warning is logged once and work continues."""
 
 import io
 import os
@@ -26,7 +26,7 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
-def test_what_is_remembered_is_recalled_and_half_a_file_is_never_left(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_records_are_recalled_and_written_atomically(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: Path) -> None:
         raise OSError(28, "No space left on device")
 
@@ -41,8 +41,8 @@ def test_what_is_remembered_is_recalled_and_half_a_file_is_never_left(monkeypatc
     assert [path.name for path in cache_folder().iterdir()] == ["of a device.json"]
 
 
-def test_a_full_disk_has_compilers_write_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file can still be made there, and nothing be written: PoCL's compiler ends the process then."""
+def test_caches_move_from_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files can be created there but not filled, and PoCL's compiler would end the process."""
 
     class Full(io.BytesIO):
         def write(self, *_: object) -> int:
@@ -57,7 +57,7 @@ def test_a_full_disk_has_compilers_write_elsewhere(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", '{"state": "pas'])
-def test_damaged_files_say_nothing(content: str) -> None:
+def test_damaged_records_are_empty(content: str) -> None:
     remember("of a device", {})
     (cache_folder() / "of a device.json").write_text(content)
     assert recall("of a device") == {}
@@ -65,8 +65,8 @@ def test_damaged_files_say_nothing(content: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "POCL_CACHE_DIR"])
-def test_a_folder_that_cannot_be_written_is_named_once(variable: str, tmp_path: Path) -> None:
-    """PoCL has no devices without its own, and PyOpenCL no kernels."""
+def test_unwritable_folder_is_reported_once(variable: str, tmp_path: Path) -> None:
+    """Without their cache folders PoCL lists no devices, and PyOpenCL builds no kernels."""
     (tmp_path / "file").write_text("")
     nowhere = tmp_path / "file" / "below"
     environment = {name: value for name, value in os.environ.items() if name != "POCL_CACHE_DIR"}
@@ -85,4 +85,4 @@ def test_a_folder_that_cannot_be_written_is_named_once(variable: str, tmp_path: 
     assert f"Set {variable} to a writable folder." in warning
     used = folders.split(" ")[0 if variable == "XDG_CACHE_HOME" else 1]
     assert "sonarmap-cache-" in used
-    assert not Path(used).exists()  # it is gone with the process
+    assert not Path(used).exists()  # removed when the process ended

@@ -19,5 +19,5 @@ def test_programs_build_without_a_warning(device: Device, name: str) -> None:
     assert "warning" not in build_log(device, device.program(name))
 
 
-def test_a_log_shows_warnings(device: Device) -> None:
+def test_log_contains_warnings(device: Device) -> None:
     assert "warning" in build_log(device, device.build(MISSPELLED))

@@ -1,4 +1,4 @@
-"""Building programs, choosing devices and refusing what does not fit, where a driver says no too."""
+"""Choosing devices, building programs, and refusing arrays that do not fit."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ from tests.samples.places import ROOT
 
 
 def fake(selector: str, kind: str, name: str, platform: str, driver: str = "1.0", **more: Any) -> DeviceInfo:
-    """A device; the platform's version says which driver it is, as PoCL's does."""
+    """A device; its platform's version names the driver, as PoCL's does."""
     pocl = platform == "Portable Computing Language"
     version = f"OpenCL 3.0 PoCL {driver} LLVM" if pocl else "OpenCL 3.0 "
     vendor = "The pocl project" if pocl else platform
@@ -58,22 +58,22 @@ class TestSelection:
             (("4", "broken.icd"), "4"),
         ],
     )
-    def test_reads_every_form(self, selectors: tuple[str, ...], labels: str) -> None:
+    def test_every_form_of_selector(self, selectors: tuple[str, ...], labels: str) -> None:
         for wanted in selectors:
             assert " ".join(info.selector for info in matching(wanted, MACHINE)) == labels
 
     @pytest.mark.parametrize("wanted", ["2:4090", "309", "9:0", "abacus", ":0"])
-    def test_lists_what_there_is_where_nothing_matches(self, wanted: str) -> None:
+    def test_lists_the_devices_if_none_matches(self, wanted: str) -> None:
         with pytest.raises(DeviceError, match=f"no OpenCL device matches '{wanted}'. There are: 0:0 pthread-AMD E"):
             matching(wanted, MACHINE)
 
     @pytest.mark.parametrize("wanted", ["2:0,1", "nvidia:0, 1", "0:0,1,2"])
-    def test_wants_one_device(self, wanted: str) -> None:
+    def test_refuses_several_devices(self, wanted: str) -> None:
         first = wanted.partition(",")[0]
         with pytest.raises(DeviceError, match=f"'{wanted}' names several .* choose one, as in '{first}'.*2:1 GeForce"):
             matching(wanted, MACHINE)
 
-    def test_prefers_memory_of_its_own_then_the_larger_gpu_and_the_newer_driver(self) -> None:
+    def test_prefers_gpus_with_own_memory_then_larger_ones_and_newer_drivers(self) -> None:
         shared = fake("5:0", "gpu", "UHD", "Intel(R) OpenCL", compute_units=500, shares_memory=True)
         order = [info.selector for info in by_preference([shared, *MACHINE])]
         assert order == ["2:1", "2:0", "5:0", "3:0", "0:0", "1:0", "4"]
@@ -90,7 +90,7 @@ class TestSelection:
 class TestChoice:
     @pytest.fixture
     def twice(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> list[DeviceInfo]:
-        """The device of the tests, listed twice, as two alike are."""
+        """The device of the tests, listed twice like two identical ones."""
         monkeypatch.delenv("PYOPENCL_CTX", raising=False)
         driver = loaded_driver()
         assert driver is not None
@@ -111,13 +111,13 @@ class TestChoice:
         assert choose_device().selector == "0:1"
         assert choose_device("0:0").selector == "0:0"
 
-    def test_tells_that_a_broken_device_is_passed_over(self, twice: list[DeviceInfo]) -> None:
+    def test_notes_say_that_a_broken_device_is_passed_over(self, twice: list[DeviceInfo]) -> None:
         twice[0] = replace(twice[0], fault="error: unknown target")
         chosen, name = choose_device(), twice[0].name
         note = f"0:0 {name} does not work: error: unknown target. 0:1 {name} is used instead."
         assert (chosen.selector, chosen.notes) == ("0:1", (note,))
 
-    def test_refuses_where_none_works(self, twice: list[DeviceInfo]) -> None:
+    def test_refuses_if_no_device_works(self, twice: list[DeviceInfo]) -> None:
         twice[:] = [replace(info, fault="it smokes") for info in twice]
         with pytest.raises(DeviceError, match=r"no OpenCL device works\. 0:0 .*: it smokes; 0:1 .*: it smokes.*apt"):
             choose_device()
@@ -132,12 +132,12 @@ class TestChoice:
         with pytest.raises(DeviceError, match="has loaded the OpenCL driver"):
             load_devices(Driver("card.icd", "libcard.so"))
 
-    def test_one_that_is_gone_is_named(self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_device_that_is_gone_is_reported(self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sonarmap.kernels.device.device.load_devices", lambda _: [])
         with pytest.raises(DeviceError, match=r"0:0 .* is gone; 'sonarmap devices' lists the remaining ones"):
             choose_device("0:0")
 
-    def test_names_what_brings_a_driver(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def test_missing_driver_is_reported_with_packages(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
         for call in (choose_device, list_devices):
             with pytest.raises(DeviceError, match=r"no OpenCL driver was found.*pocl-opencl-icd.*intel-opencl-rt"):
@@ -145,9 +145,9 @@ class TestChoice:
 
 
 class TestMemory:
-    def test_is_refused_before_it_is_taken(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_large_arrays_are_refused_before_allocation(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
         def taken(*_: object) -> None:
-            raise AssertionError("memory was asked for")
+            raise AssertionError("memory was allocated")
 
         monkeypatch.setattr(cla, "empty", taken)
         limit = device.cl_device.max_mem_alloc_size
@@ -158,7 +158,7 @@ class TestMemory:
         with pytest.raises(DeviceError, match=r"Use --grid 64\."):
             device.require(2**20, device.memory + 1, hint="--grid 64")
 
-    def test_that_other_programs_hold_is_told(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_failed_allocation_is_explained(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
         def full(*_: object, **__: object) -> None:
             raise cl.MemoryError("create_buffer failed: MEM_OBJECT_ALLOCATION_FAILURE")
 
@@ -171,7 +171,7 @@ class TestMemory:
 
 class TestPrograms:
     def test_work_from_a_folder_with_a_space(self, tmp_path: Path) -> None:
-        """From a copy of the package, in a process of its own."""
+        """From a copy of the package, in another process."""
         folder = tmp_path / "a folder, (copied)"
         shutil.copytree(ROOT / "sonarmap", folder / "sonarmap", ignore=shutil.ignore_patterns("__pycache__"))
         program = (
@@ -184,7 +184,7 @@ class TestPrograms:
         place = folder / "sonarmap" / "kernels" / "device" / "device.py"
         assert (ended.returncode, ended.stdout.strip()) == (0, str(place)), ended.stderr
 
-    def test_carry_the_build_log_in_the_error(self, device: Device) -> None:
+    def test_build_error_contains_the_log(self, device: Device) -> None:
         with pytest.raises(DeviceError, match="'broken' did not build on") as raised:
             device.build("__kernel void f(__global float* x) { x[0] = missing_name; }", name="broken")
         assert "missing_name" in str(raised.value)
@@ -198,7 +198,7 @@ class TestPrograms:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
-def test_a_process_forked_after_a_driver_was_loaded_refuses_instead_of_waiting_for_ever() -> None:
+def test_forked_process_is_refused_instead_of_hanging() -> None:
     device = choose_device()
     array = device.to_device(np.ones(4096, np.float32))
     reading, writing = os.pipe()
@@ -228,7 +228,7 @@ def test_a_process_forked_after_a_driver_was_loaded_refuses_instead_of_waiting_f
         ("", "clBuildProgram failed: INVALID_BUILD_OPTIONS"),
     ],
 )
-def test_the_line_that_tells_is_found_in_a_build_log(log: str, line: str) -> None:
+def test_informative_line_of_a_build_log(log: str, line: str) -> None:
     text = f"clBuildProgram failed: INVALID_BUILD_OPTIONS\n\nBuild on <pyopencl.Device 'x'>:\n\n{log}\n(options: -I /a)"
     assert informative_line(text) == line
     assert informative_line(f"{text}\n(source saved as /tmp/x.cl)") == line

@@ -1,4 +1,4 @@
-"""Which drivers there are, by the files that name them."""
+"""Installed drivers, by the .icd files that name them."""
 
 import sys
 from pathlib import Path
@@ -11,7 +11,7 @@ from sonarmap.kernels.device.drivers import Driver, driver_fault, installed_driv
 
 @pytest.fixture
 def system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A machine with two drivers of the system, one of which is named twice, and one of pip."""
+    """Two drivers of the system, one of them with two .icd files, and one installed by pip."""
     folder = tmp_path / "etc"
     folder.mkdir()
     (folder / "b.icd").write_text("libb.so.1\n")
@@ -29,7 +29,7 @@ def system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def test_those_of_the_system_come_before_those_of_pip(system: Path) -> None:
+def test_drivers_of_the_system_come_before_those_of_pip(system: Path) -> None:
     own = Path(sys.prefix)
     assert installed_drivers({}) == [
         Driver(str(system / "a.icd"), "/opt/liba.so"),
@@ -39,7 +39,7 @@ def test_those_of_the_system_come_before_those_of_pip(system: Path) -> None:
 
 
 @pytest.mark.parametrize("variable", ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"])
-def test_a_variable_counts_alone(system: Path, tmp_path: Path, variable: str) -> None:
+def test_variable_replaces_the_folders(system: Path, tmp_path: Path, variable: str) -> None:
     (tmp_path / "one").mkdir()
     file = tmp_path / "one" / "x.icd"
     file.write_text("libx.so")
@@ -52,11 +52,11 @@ def test_a_variable_counts_alone(system: Path, tmp_path: Path, variable: str) ->
     assert installed_drivers({variable: str(file)}) == [Driver(str(file), str(library))]  # it lies beside the file
 
 
-def test_without_files_the_loader_may_know_one(system: Path, tmp_path: Path) -> None:
+def test_without_files_the_loader_is_asked(system: Path, tmp_path: Path) -> None:
     assert installed_drivers({"OCL_ICD_VENDORS": str(tmp_path / "nothing")}) == [Driver()]
 
 
-def test_why_one_cannot_be_loaded() -> None:
+def test_why_a_driver_cannot_be_loaded() -> None:
     assert driver_fault(Driver()) == ""
     assert driver_fault(Driver("empty.icd")) == "empty.icd names no library"
     assert "libnowhere.so" in driver_fault(Driver("x.icd", "libnowhere.so"))

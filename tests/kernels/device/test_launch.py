@@ -1,4 +1,4 @@
-"""What all kernels share: literals, poses, slices of arrays, and devices that are full or small."""
+"""Literals, poses, slices of arrays, and launches on devices that are full or small."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from sonarmap.kernels.resample.layers import rectangular_unwrap, sample, upload_
 
 
 class Limited:
-    """A PyOpenCL device whose driver says less, or other, than it could."""
+    """A PyOpenCL device with some properties replaced."""
 
     def __init__(self, actual: object, **limits: Any) -> None:
         self._actual = actual
@@ -27,21 +27,21 @@ class Limited:
 
 
 def limited(device: Device, **limits: Any) -> Device:
-    """A device of its own with such a driver, for which kernels are written in groups."""
+    """A separate device with such properties, with kernels in the GPU flavor."""
     other = Device(device.cl_device, flavor="gpu")
     # pyrefly: ignore[bad-assignment]
     other.cl_device = Limited(device.cl_device, **limits)
     return other
 
 
-def test_a_literal_is_whole_or_single_and_reads_back_to_the_same_bits():
+def test_literals_read_back_to_the_same_bits():
     values = 64, np.int64(64), np.uint8(3), -2, 1.0, np.float32(0.5)
     assert [literal(value) for value in values] == ["64", "64", "3", "-2", "1.0f", "0.5f"]
     for value in np.random.default_rng(1).normal(size=100) * 10.0 ** np.arange(-30, 30)[:, None]:
         assert all(np.float32(literal(number)[:-1]) == np.float32(number) for number in value)
 
 
-def test_a_pose_is_a_rotation_and_no_reflection():
+def test_pose_is_a_rotation_and_no_reflection():
     pose = affine(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([4.0, 5.0, 6.0]))
     assert np.array_equal([pose[f"s{k}"] for k in range(8)], [0, -1, 0, 4, 1, 0, 0, 5])
     for mirror in (np.diag([1.0, 1.0, -1.0]), -np.eye(3)):
@@ -50,8 +50,8 @@ def test_a_pose_is_a_rotation_and_no_reflection():
 
 
 @pytest.mark.parametrize("edge", [16, 32])
-def test_halves_of_a_stack_of_images_suit_every_alignment(device, edge):
-    """As the tilt's layers are written: 4096 bits is the widest alignment that drivers are known to ask for."""
+def test_halves_of_a_stack_of_images_are_aligned_on_every_device(device, edge):
+    """The tilt's layers are written to such halves. No driver is known to require more than 4096 bits."""
     radii = np.arange(1, edge // 2 - 2, dtype=np.float32)
     layers = len(radii)
     strict = limited(device, mem_base_addr_align=4096)
@@ -63,7 +63,7 @@ def test_halves_of_a_stack_of_images_suit_every_alignment(device, edge):
         assert np.array_equal(part.get(), sample(strict, magnitude, directions, radii).get())
 
 
-def test_a_slice_off_the_alignment_is_refused(device):
+def test_unaligned_slice_is_refused(device):
     strict = limited(device, mem_base_addr_align=4096)
     wide = strict.to_device(np.zeros((16, 8), np.float32))
     with pytest.raises(InputError, match=r"begins 32 bytes into it; .* needs a multiple of 512"):
@@ -72,8 +72,8 @@ def test_a_slice_off_the_alignment_is_refused(device):
 
 @pytest.mark.parametrize("shape", [(1, 3), (2, 512), (3, 1024), (4, 999), (5, 16, 64)])
 @pytest.mark.parametrize("dtype", [np.float32, np.complex64])
-def test_zero_clears_all_of_an_array_and_no_more(device, shape, dtype):
-    """Whole pages and not, whole arrays and a slice between others."""
+def test_zero_clears_exactly_the_array(device, shape, dtype):
+    """Sizes with and without a remainder, whole arrays and a slice between others."""
     array = device.to_device(np.ones(shape, dtype))
     zero(device, array)
     assert not array.get().any()
@@ -84,7 +84,7 @@ def test_zero_clears_all_of_an_array_and_no_more(device, shape, dtype):
 
 
 class TestFull:
-    """Drivers that take memory when it is first used fail at a launch."""
+    """Drivers that allocate memory at its first use fail at a launch."""
 
     @pytest.mark.parametrize(
         ("kind", "code"),
@@ -94,7 +94,7 @@ class TestFull:
             (cl.RuntimeError, cl.status_code.OUT_OF_HOST_MEMORY),
         ],
     )
-    def test_device_is_told_at_every_launch(self, device, monkeypatch, kind, code):
+    def test_full_device_is_reported_at_every_launch(self, device, monkeypatch, kind, code):
         def fail(*_: object, **__: object) -> None:
             raise kind(_ErrorRecord(msg="clEnqueue failed: FULL", code=code, routine="clEnqueue"))
 
@@ -111,7 +111,7 @@ class TestFull:
             with pytest.raises(DeviceError, match=r"no memory .*left for this .*FULL.*Use a smaller `edge`"):
                 call()
 
-    def test_device_is_not_blamed_for_other_errors(self, device, monkeypatch):
+    def test_other_errors_are_not_reported_as_a_full_device(self, device, monkeypatch):
         def fail(*_: object, **__: object) -> None:
             code = cl.status_code.PROFILING_INFO_NOT_AVAILABLE
             raise cl.RuntimeError(_ErrorRecord(msg="other", code=code, routine="clEnqueue"))

@@ -1,4 +1,4 @@
-"""Copies that are queued and waited for when they are wanted; memory of arrays that are gone goes to the next ones."""
+"""Asynchronous copies to the host, and arrays that reuse the memory of deleted ones."""
 
 import gc
 from typing import Any
@@ -14,7 +14,7 @@ from sonarmap.kernels.device.trace import Counts, tracing
 from sonarmap.kernels.errors import DeviceError
 
 
-def test_it_holds_what_was_there_when_it_was_queued(device: Device) -> None:
+def test_copy_has_the_contents_at_the_time_of_queuing(device: Device) -> None:
     values = np.arange(5000, dtype=np.float32).reshape(5, 1000)
     array = device.to_device(values)
     before, part = Readback(device, array), Readback(device, array[2:4])
@@ -26,7 +26,7 @@ def test_it_holds_what_was_there_when_it_was_queued(device: Device) -> None:
     np.testing.assert_array_equal(before.read(), values)
 
 
-def test_the_last_is_waited_for_and_brings_all(device: Device) -> None:
+def test_waiting_for_the_last_copy_completes_all(device: Device) -> None:
     counts = Counts()
     with tracing(device, lambda: counts):
         readbacks = [Readback(device, device.to_device(np.full(1000, n))) for n in range(4)]
@@ -37,19 +37,19 @@ def test_the_last_is_waited_for_and_brings_all(device: Device) -> None:
 
 
 @pytest.mark.parametrize("shape", [(3, 7), (100_000,), (1, 3)])
-def test_a_slice_may_begin_anywhere_and_the_array_may_be_gone(device: Device, shape: tuple[int, ...]) -> None:
+def test_slices_at_any_offset_of_deleted_arrays(device: Device, shape: tuple[int, ...]) -> None:
     values = np.random.default_rng(4).normal(size=shape).astype(np.complex64)
     readback = Readback(device, device.to_device(values)[1:])
     np.testing.assert_array_equal(readback.read(), values[1:])
 
 
 def place(array: Any) -> int:
-    """Which memory an array is in."""
+    """Address of the memory of an array."""
     return array.base_data.int_ptr
 
 
-def test_memory_is_used_again_once_nothing_refers_to_it(device):
-    """By arrays of another shape and type, too."""
+def test_memory_is_reused_once_nothing_refers_to_it(device):
+    """Also by arrays of another shape and type."""
     first, second = (recycled(device, (64, 1024)) for _ in range(2))
     second.set(np.full((64, 1024), 2.0, np.float32))
     kept = second.reshape(1024, 64)  # refers to the same memory
@@ -67,7 +67,7 @@ def test_memory_is_used_again_once_nothing_refers_to_it(device):
         recycled(device, (2**20, 2**20))
 
 
-def test_what_no_array_uses_is_given_back(device: Device) -> None:
+def test_unused_memory_is_freed(device: Device) -> None:
     kept, gone = (recycled(device, (64, 1024)) for _ in range(2))
     kept.set(np.full((64, 1024), 3.0, np.float32))
     del gone

@@ -1,4 +1,4 @@
-"""How many threads a process may use, and that processes which work together share the cores."""
+"""The number of threads of a process, and the share of the cores of parallel processes."""
 
 import os
 import subprocess
@@ -19,7 +19,7 @@ LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THREADS
 
 @pytest.fixture
 def cores(monkeypatch: pytest.MonkeyPatch) -> int:
-    """Of a machine of 12, in an environment that says nothing."""
+    """A machine of 12 cores, and an environment without limits."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(12)), raising=False)
     monkeypatch.setattr(os, "cpu_count", lambda: 12)
     monkeypatch.setattr(threads, "_QUOTA", Path("/nowhere"))
@@ -31,7 +31,7 @@ def cores(monkeypatch: pytest.MonkeyPatch) -> int:
 @pytest.mark.parametrize(("processes", "share"), [(1, 12), (2, 6), (5, 2), (30, 1)])
 def test_processes_share_the_cores(cores: int, monkeypatch: pytest.MonkeyPatch, processes: int, share: int) -> None:
     assert thread_count() == cores
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")  # a user's own wish
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")  # set by the user
     share_cores(processes)
     assert thread_count() == share
     assert [os.environ.pop(name) for name in LIBRARIES] == [str(share), str(share), "7", str(share)]
@@ -39,7 +39,7 @@ def test_processes_share_the_cores(cores: int, monkeypatch: pytest.MonkeyPatch, 
 
 
 @pytest.mark.parametrize("text", ["0", "two"])
-def test_what_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+def test_invalid_thread_count_is_refused(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("SONARMAP_THREADS", text)
     refuses("SONARMAP_THREADS is .* whole number above 0", thread_count)
 
@@ -48,15 +48,15 @@ def test_what_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch, text: str
     ("quota", "share"),
     [("max 100000", 12), ("250000 100000", 3), ("50000 100000", 1), ("9900000 100000", 12), ("", 12)],
 )
-def test_a_container_leaves_a_share(cores, monkeypatch, tmp_path, quota, share):
+def test_container_limits_the_threads(cores, monkeypatch, tmp_path, quota, share):
     (tmp_path / "cpu.max").write_text(quota)
     monkeypatch.setattr(threads, "_QUOTA", tmp_path / "cpu.max")
     assert thread_count() == share
-    limit_libraries()  # all of the machine is what libraries take by themselves
+    limit_libraries()  # by default, libraries use the whole machine
     assert [os.environ.pop(name, None) for name in LIBRARIES] == [None if share == cores else str(share)] * 4
 
 
-def test_new_processes_have_their_share() -> None:
+def test_new_processes_use_their_share() -> None:
     count = thread_count()
     with spawned(2) as pool:
         assert pool.submit(thread_count).result() == max(1, count // 2)
@@ -68,7 +68,7 @@ def test_new_processes_have_their_share() -> None:
     [("pass", {"SONARMAP_THREADS": "1"}), ("os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])", {})],
     ids=["as the variable says", "as the cores that it may use"],
 )
-def test_pocl_has_no_more_threads_than_it_may(first: str, variables: dict[str, str]) -> None:
+def test_pocl_respects_the_limit(first: str, variables: dict[str, str]) -> None:
     if first != "pass" and (not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2):
         pytest.skip("this process can be given no fewer cores than it has")
     pocl = [info for info in list_devices() if "portable" in info.platform.lower() and not info.fault]

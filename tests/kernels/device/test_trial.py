@@ -1,4 +1,4 @@
-"""Drivers that crash, hang, lie or are not there, tried in processes of their own, and what is remembered of them."""
+"""Drivers that crash, hang, fail or are missing, tried in separate processes, and what is remembered of them."""
 
 import os
 import shutil
@@ -46,7 +46,7 @@ def _nothing_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with the .icd file of the tests' driver, in which other drivers can be named."""
+    """A folder with the .icd file of the tests' driver, to which other drivers can be added."""
     folder, own = tmp_path / "vendors", trial.driver_of(known()[0])
     if not own.library:
         pytest.skip("the driver of these tests has no .icd file")
@@ -57,7 +57,7 @@ def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def add_stub(folder: Path, name: str, source: str) -> None:
-    """Compile a driver, and name it in a folder."""
+    """Compile a driver, and write its .icd file to a folder."""
     if shutil.which("gcc") is None:
         pytest.skip("there is no gcc to compile a driver that crashes")
     library = folder.parent / f"lib{name}.so"
@@ -67,14 +67,14 @@ def add_stub(folder: Path, name: str, source: str) -> None:
 
 
 def chosen_in_a_new_process(then: str = "") -> subprocess.CompletedProcess[str]:
-    """What a process prints that chooses a device: its selector, or what `then` prints."""
+    """Run a process that chooses a device and prints its selector, or runs `then`."""
     program = f"from sonarmap.kernels.device.device import choose_device\nchosen = choose_device()\n{then}"
     program += "" if then else "print(chosen.selector)"
     return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
 
 
 def answering(monkeypatch: pytest.MonkeyPatch, *answers: Answers) -> list[tuple[str, ...]]:
-    """Have processes give these answers, one after the other; returns what they are asked."""
+    """Replace processes by these answers, in turn; returns the list of arguments that they will get."""
     asked: list[tuple[str, ...]] = []
     waiting = list(answers)
 
@@ -91,8 +91,8 @@ def found(*infos: DeviceInfo) -> dict[str, Any]:
     return {"found": [asdict(info) for info in infos]}
 
 
-def test_a_driver_that_hangs_is_waited_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Until its file changes or the machine starts anew; `devices --test` tries it again."""
+def test_hanging_driver_is_waited_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until its file changes or the machine restarts; `devices --test` tries it again."""
     asked = answering(monkeypatch, *[Answers((), "it did not answer within 60 s")] * 2)
     for look in (list_devices, lambda: list_devices(test=True, again=False)):
         (info,) = look()
@@ -107,7 +107,7 @@ def test_a_driver_that_hangs_is_waited_for_once(monkeypatch: pytest.MonkeyPatch)
 class TestDrivers:
     @pytest.mark.slow
     @pytest.mark.parametrize("when", CRASHES)
-    def test_one_that_crashes_is_named_and_another_used(self, drivers: Path, when: str) -> None:
+    def test_crashing_driver_is_reported_and_another_used(self, drivers: Path, when: str) -> None:
         add_stub(drivers, "crash", CRASHES[when])
         (drivers / "absent.icd").write_text("libnowhere.so")
         (drivers / "zero.icd").write_text("a\0b")
@@ -121,7 +121,7 @@ class TestDrivers:
         assert f"{drivers / 'other.icd'} is not used: libm.so.6 is no OpenCL driver" in ended.stderr
         assert f"{drivers / 'zero.icd'} names no library" in ended.stderr
         again = chosen_in_a_new_process()
-        assert (again.stdout, again.stderr) == ("2:0\n", "")  # it is not tried, nor named, in every run
+        assert (again.stdout, again.stderr) == ("2:0\n", "")  # it is tried and reported only once
         absent, crash, good, other, zero = list_devices()
         assert [info.selector for info in (absent, crash, good, other, zero)] == ["0", "1", "2:0", "3", "4"]
         end = "exit code 0" if when == "by an exit" else "SIGABRT"
@@ -129,7 +129,7 @@ class TestDrivers:
         assert (good.fault, good.driver_file) == ("", str(drivers / "good.icd"))
 
     @pytest.mark.slow
-    def test_one_that_crashes_or_hangs_alone_is_refused(self, drivers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_only_driver_crashes_or_hangs(self, drivers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (drivers / "good.icd").unlink()
         add_stub(drivers, "crash", CRASHES["when it is loaded"])
         with pytest.raises(DeviceError, match=r"no OpenCL device works\. 0 crash.icd does not work: .* SIGABRT"):
@@ -141,19 +141,19 @@ class TestDrivers:
 
 
 class TestTrials:
-    def test_those_after_one_that_ends_the_process_are_tried(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_devices_after_a_crash_are_tried(self, monkeypatch: pytest.MonkeyPatch) -> None:
         first = found(*GPUS), {"begins": "0:0"}, {"tried": ["0:0", ""]}, {"begins": "0:1"}
         second = found(*GPUS), {"begins": "0:2"}, {"tried": ["0:2", "a trial kernel gave wrong numbers"]}
         asked = answering(monkeypatch, Answers(first, "it ended with SIGSEGV"), Answers(second, ""))
         faults = [info.fault.rpartition(": ")[2] for info in list_devices()]
         assert faults == ["", "it ended with SIGSEGV", "a trial kernel gave wrong numbers"]
         assert [arguments[3] for arguments in asked] == ["0", "2"]
-        ended = "it ended with SIGSEGV"  # before the others were tried
+        ended = "it ended with SIGSEGV"  # before the others are tried
         answering(monkeypatch, Answers((found(*GPUS), {"begins": "0:0"}), ended), Answers((), ended))
         assert all(info.fault for info in list_devices())
 
     @pytest.mark.parametrize("done", [True, False])
-    def test_a_crash_in_a_self_test_fails_it_and_one_after_it_harms_nothing(self, monkeypatch, done):
+    def test_crash_during_a_self_test_fails_it_and_one_afterwards_does_not(self, monkeypatch, done):
         steps = found(GPUS[0]), {"begins": "0:0"}, {"tried": ["0:0", ""]}, {"tested": ["0:0", "passed", ""]}
         ended = Answers(steps if done else steps[:-1], "it ended with SIGSEGV")
         answering(monkeypatch, Answers(steps[:-1], ""), ended)
@@ -166,7 +166,7 @@ class TestTrials:
 
 class TestMemory:
     def trials(self, monkeypatch: pytest.MonkeyPatch) -> int:
-        """How many processes it takes to know the devices."""
+        """Number of trials that listing the devices takes."""
         count = 0
         actual = trial._try
 
@@ -181,7 +181,7 @@ class TestMemory:
         return count
 
     @pytest.mark.slow
-    def test_a_trial_is_remembered_until_something_changes(self, drivers, monkeypatch):
+    def test_trial_is_remembered_until_something_changes(self, drivers, monkeypatch):
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
         os.utime(drivers / "good.icd", ns=(1, 1))
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
@@ -189,7 +189,7 @@ class TestMemory:
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
 
     @pytest.mark.slow
-    def test_what_was_broken_is_tried_again_where_nothing_works(self, drivers):
+    def test_broken_devices_are_tried_again_if_none_works(self, drivers):
         trial.known_devices()
         (name,) = [path.stem for path in cache_folder().glob("driver-*.json")]
         broken = [asdict(known()[0]) | {"fault": "it was broken then"}]

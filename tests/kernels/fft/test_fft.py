@@ -1,4 +1,4 @@
-"""Fourier transforms against NumPy's in double precision, relative L2 error within 3e-7, however kernels are written.
+"""Fourier transforms equal NumPy's within a relative L2 error of 3e-7, for all variants of kernels.
 
 Kernels for a processor are written with 8 and with 16 lanes.
 """
@@ -24,7 +24,7 @@ CASES += [pytest.param(shape, 8 + 8 * (n % 2), marks=pytest.mark.slow) for n, sh
 
 @pytest.fixture(autouse=True)
 def lanes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
-    """How long the vectors are, which only processors have."""
+    """Lengths of vectors, which only processors have."""
     count = getattr(request, "param", 8)
     monkeypatch.setattr("sonarmap.kernels.fft.transform.column_lanes", lambda _: count)
     return count
@@ -63,7 +63,7 @@ def test_real_is_rfftn_and_irfftn(device, shape):
 
 
 @pytest.mark.parametrize(("layers", "lanes"), [(77, 16), (1, 8)], indirect=["lanes"])
-def test_batched_leaves_the_first_axis(device, layers):
+def test_batched_transforms_only_the_last_two_axes(device, layers):
     shape = (layers, 32, 64)
     fft, volume = RealFFT(device, shape, batched=True), real(shape)
     spectrum = fft.forward(device.to_device(volume))
@@ -72,8 +72,8 @@ def test_batched_leaves_the_first_axis(device, layers):
     assert difference(fft.inverse(spectrum).get(), volume) < TOLERANCE
 
 
-def test_one_transform_is_the_same_every_time(device):
-    """Nothing depends on what memory held before; it writes to what it is given."""
+def test_repeated_transforms_are_equal(device):
+    """Results do not depend on earlier contents of memory, and are written to `out`."""
     shape = (64, 16, 32)
     fft, volume = RealFFT(device, shape), device.to_device(real(shape))
     spectra = [device.to_device(np.full(fft.half_shape, fill, np.complex64)) for fill in (0, np.nan, 1e38)]
@@ -85,7 +85,7 @@ def test_one_transform_is_the_same_every_time(device):
 
 
 def test_edges_are_the_even_products_of_2_3_and_5():
-    """Against a search through the exponents; the next larger one is at most a quarter larger."""
+    """The edges equal those of a search through the exponents, and each next one is at most 25 % larger."""
     products = {2**a * 3**b * 5**c for a in range(1, 10) for b in range(6) for c in range(4)}
     assert sorted(n for n in products if 16 <= n <= 512) == list(EDGES)
     assert {16, 96, 160, 192, 320, 384, 512} < set(EDGES)
@@ -97,7 +97,7 @@ def test_edges_are_the_even_products_of_2_3_and_5():
         assert edge // 2 + 1 <= row_pitch(edge) <= edge // 2 + 8
 
 
-def test_radices_make_the_edge():
+def test_product_of_radices_is_the_edge():
     for points in (*range(8, 17), 25, 27, 45, 81, 125, 243, *EDGES):
         if all(points % prime for prime in (7, 11, 13)):
             chosen = radices(points)

@@ -1,4 +1,4 @@
-"""Poses as kernels take them, and points on a grid of other voxels."""
+"""Poses in the layout of kernels, and points scaled to other voxels."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_rows_of_the_matrix_move_points(device: Device) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 257])
-def test_places_are_scaled_and_weights_stay(device: Device, count: int) -> None:
+def test_positions_are_scaled_and_weights_unchanged(device: Device, count: int) -> None:
     points = np.random.default_rng(count).normal(size=(count, 4)).astype(np.float32)
     given = device.to_device(points)
     got = scaled(device, given, 0.3).get()

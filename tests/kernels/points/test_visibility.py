@@ -1,4 +1,4 @@
-"""Points against range images: the octahedral map's laws, and the counts against NumPy's."""
+"""Visibility of points in range images: laws of the octahedral map, and counts compared with NumPy."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_ce
 
 
 def unfold(cells, edge):
-    """The direction at the middle of each cell: the map's inverse, from its definition."""
+    """The direction of each cell's center: the inverse of the map, by its definition."""
     u, v = ((np.array(np.divmod(cells, edge)) + 0.5) / edge) * 2 - 1
     z = 1 - np.abs(u) - np.abs(v)
     x = np.where(z < 0, (1 - np.abs(v)) * np.sign(u), u)
@@ -20,7 +20,7 @@ def unfold(cells, edge):
 
 class TestCells:
     @pytest.mark.parametrize("edge", [2, 7, 32])
-    def test_each_has_the_direction_of_its_middle(self, edge):
+    def test_direction_of_each_center_maps_to_its_cell(self, edge):
         cells = np.arange(edge**2)
         np.testing.assert_array_equal(octahedral_cells(unfold(cells, edge), edge), cells)
 
@@ -31,7 +31,7 @@ class TestCells:
         want = [15 * 20 + 8, 18 * 20 + 5, 15 * 20 + 8, 6 * 20 + 19]
         np.testing.assert_array_equal(octahedral_cells(directions, 20), want)
 
-    def test_borders_and_no_direction_have_a_cell(self):
+    def test_border_and_zero_directions_have_a_cell(self):
         directions = np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, -0.0]])
         cells = octahedral_cells(directions, 16)
         assert cells.min() >= 0
@@ -41,7 +41,7 @@ class TestCells:
 
 
 def twin(view, points, R, t, reach, slope):
-    """The counts in float64, and how many points of each pose are too near to a border to tell in float32."""
+    """Counts in float64, and the number of points per pose that float32 cannot assign, near a border."""
     edge = len(view)
     counts, doubtful = np.zeros((len(R), 3), np.int64), np.zeros(len(R), np.int64)
     for n in range(len(R)):
@@ -64,7 +64,7 @@ def twin(view, points, R, t, reach, slope):
 
 
 def random_view(edge, seed):
-    """Ranges of 5 to 30, half of the cells unseen."""
+    """Ranges from 5 to 30, with half of the cells unseen."""
     rng = np.random.default_rng(seed)
     near = rng.uniform(5, 25, (edge, edge))
     view = np.stack([near, near + rng.uniform(0, 5, near.shape)], axis=-1)
@@ -78,7 +78,7 @@ def random_poses(count, seed):
 
 
 def alone(device, view, points, R, t, reach, slope):
-    """(n, 3): points put into one image, with one tolerance."""
+    """(n, 3) counts of points in one image, with one tolerance."""
     viewing = Viewing(view.reshape(1, *view.shape), upload_viewpoints(device, np.zeros((1, 3))), points)
     (counts,) = agreement(device, [viewing], upload_poses(device, R, t), [(reach, slope)]).read()
     return counts[0, :, 0]
@@ -96,12 +96,12 @@ class TestAgreement:
         want, doubtful = twin(view, places.astype(np.float64), R, t, reach, slope)
         assert got.dtype == np.int64
         assert (np.abs(got - want) <= doubtful[:, None]).all()
-        # the doubt is small enough for the counts to mean something
+        # few enough points are doubtful for the comparison to mean something
         assert doubtful.sum() <= 1 + 0.01 * points * poses
 
     @pytest.mark.parametrize("count", [0, 9, 256])
-    def test_an_unseen_sphere_says_nothing_and_padding_does_not_count(self, device, count):
-        """Every cell of the other is seen, where the padding's zeros would agree."""
+    def test_unseen_cells_and_padding_are_not_counted(self, device, count):
+        """In the second view every cell is seen, and the padding's zeros would agree with it."""
         points = upload_points(device, np.zeros((count, 3)))
         assert points[1] == count
         pose = np.eye(3)[None], np.zeros((1, 3))
@@ -112,8 +112,8 @@ class TestAgreement:
 
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("images", [(3, 2), (0, 2)])
-    def test_both_ways_at_once_are_as_one_at_a_time(self, device, images):
-        """Two of several images each, and two tolerances; but for points at borders, as the inverse is rounded."""
+    def test_batch_equals_single_images(self, device, images):
+        """Several images of two scans, with two tolerances; points at borders may differ, as the inverse is rounded."""
         tolerances = [(1.5, 0.03), (0.2, 0.0)]
         viewings, places, rng = [], [], np.random.default_rng(21)
         for number, count in enumerate(images):

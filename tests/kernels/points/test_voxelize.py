@@ -1,4 +1,4 @@
-"""Voxelizing against its NumPy twin: equal but for points within float32 of a voxel's wall."""
+"""Voxelization equals its NumPy twin, except for points within float32 rounding of a voxel's boundary."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.samples.refusals import refuses
 
 
 def _points(rng, count, edge, R, offset):
-    """Random points, some outside, none whose transform lies within 1e-4 voxel of a wall."""
+    """Random points, some outside, none whose transform lies within 1e-4 voxel of a boundary."""
     points = rng.uniform(-0.6 * edge, 0.6 * edge, (4 * count, 4)).astype(np.float32)
     points[:, 3] = rng.uniform(0, 5, len(points))
     position = points[:, :3].astype(np.float64) @ R.T + offset + 0.5
@@ -29,7 +29,7 @@ def test_equals_the_twin(device, edge, count):
     np.testing.assert_array_equal(volume, occupied(points[:, :3] @ R.T + offset, edge, points[:, 3]))
 
 
-def test_the_order_of_points_does_not_matter_and_out_is_cleared(device):
+def test_order_of_points_does_not_matter_and_out_is_cleared(device):
     rng = np.random.default_rng(3)
     points = rng.normal(0, 4, (20000, 4)).astype(np.float32)
     points[:, 3] = np.abs(points[:, 3])
@@ -40,7 +40,7 @@ def test_the_order_of_points_does_not_matter_and_out_is_cleared(device):
     np.testing.assert_array_equal(again.get(), want)
 
 
-def test_voxel_centers_and_walls(device):
+def test_voxel_centers_and_boundaries(device):
     points = np.array(
         [[0, 0, 0, 1], [-8, 7.25, 1.5, 2], [7.5, 0, 0, 3], [-8.6, 0, 0, 4], [np.nan, 0, 0, 5], [1, 1, 1, -1]],
         np.float32,
@@ -51,8 +51,8 @@ def test_voxel_centers_and_walls(device):
     assert not voxelize(device, device.empty((1, 4))[:0], 16).get().any()
 
 
-def test_several_poses_at_once_are_those_one_by_one(device):
-    """And 8 rows are marked where any holds a point."""
+def test_batch_of_poses_equals_single_poses(device):
+    """Each block of 8 rows is marked if it contains a point."""
     rng = np.random.default_rng(5)
     cloud = np.column_stack([rng.uniform(-12, 12, (300, 3)), rng.uniform(-0.5, 2, 300)]).astype(np.float32)
     points, edge = device.to_device(cloud), 16

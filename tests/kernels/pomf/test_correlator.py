@@ -1,4 +1,4 @@
-"""Correlations of points under several poses at once against NumPy in double precision."""
+"""Correlations of points at several poses equal NumPy's in double precision."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def make(device: Device, edge: int, exponents: tuple[float, ...] = EXPONENTS, mo
 
 
 def surface(edge: int, count: int = 900) -> np.ndarray:
-    """(count, 4): points of a relief that the grid holds, of unequal weights."""
+    """(count, 4): points of a relief inside the grid, with unequal weights."""
     rng = np.random.default_rng(edge)
     at = rng.uniform(-0.4, 0.4, (count, 2))
     height = 0.2 * np.sin(7 * at[:, 0]) * np.cos(5 * at[:, 1]) + 0.01 * rng.normal(size=count)
@@ -38,7 +38,7 @@ def volume_of(points: np.ndarray, edge: int, pose: Pose) -> np.ndarray:
 
 
 def poses(count: int) -> list[Pose]:
-    """Turned ones, as a scan with itself has equal peaks on either side; some moved, some bounded."""
+    """Rotated poses, since a scan with itself has equal peaks on both sides; some are moved, some limited."""
     offsets = [None, np.array([1.5, -2.0, 0.5])]
     limits = [None, np.array([3, 4.9, 6]), None]
     turns = Rotation.from_euler("ZYX", [[0.2 + 0.3 * k, -0.1 * k, 0.05] for k in range(count)]).as_matrix()
@@ -59,7 +59,7 @@ class TestPeaks:
             pytest.param(50, 3, 4, marks=pytest.mark.slow),
         ],
     )
-    def test_are_those_of_numpy(self, device: Device, edge, number, count) -> None:
+    def test_equal_numpy(self, device: Device, edge, number, count) -> None:
         points, given = surface(edge), poses(number)
         found = make(device, edge).find(device.to_device(points), given, spectra(device, points, edge), count, 2.0)
         assert len(found) == number
@@ -74,8 +74,8 @@ class TestPeaks:
                     window = np.ix_(*((c + np.arange(-1, 2)) % edge for c in peak.index))
                     np.testing.assert_allclose(peak.neighborhood, want[window], atol=TOLERANCE * want.std())
 
-    def test_do_not_depend_on_how_many_poses_are_worked_on_at_once(self, device: Device) -> None:
-        """Nor on what was computed before: the volumes are left empty."""
+    def test_do_not_depend_on_the_batch_size(self, device: Device) -> None:
+        """Nor on earlier calls, which leave the volumes empty."""
         assert [at_once(edge) for edge in (16, 64, 512)] == [8, 2, 1]
         points, given = device.to_device(surface(32)), poses(5)
         targets = spectra(device, surface(32), 32)
@@ -89,8 +89,8 @@ class TestPeaks:
             np.testing.assert_allclose(one, other, rtol=1e-6)
 
     @pytest.mark.parametrize("edge", [32, pytest.param(18, marks=pytest.mark.slow)])
-    def test_of_more_equal_maxima_than_the_device_lists(self, device: Device, edge: int) -> None:
-        """A line of points along z correlates alike at all shifts along it; 18 cubed is no multiple of an alignment."""
+    def test_more_equal_maxima_than_the_device_lists(self, device: Device, edge: int) -> None:
+        """A line along z correlates equally at all shifts along z; 18 cubed is no multiple of an alignment."""
         z = np.arange(-edge // 2, edge // 2)
         line = np.column_stack([0 * z, 0 * z, z, 0 * z + 1]).astype(np.float32)
         (by_exponent,) = make(device, edge).find(device.to_device(line), [STILL], spectra(device, line, edge), 2, 2.0)
@@ -98,7 +98,7 @@ class TestPeaks:
             assert first.index[:2].tolist() == second.index[:2].tolist() == [0, 0]
             assert abs(int(first.index[2] - second.index[2])) > 2
 
-    def test_fewer_where_there_are_no_more_or_no_poses_or_no_points(self, device: Device) -> None:
+    def test_fewer_maxima_no_poses_and_no_points(self, device: Device) -> None:
         points, targets = surface(16), spectra(device, surface(16), 16)
         correlator, pose = make(device, 16), Pose(np.eye(3), limits=np.array([1, 1, 1]))
         ((peaks, _),) = correlator.find(device.to_device(points), [pose], targets, 20, 1.0)
@@ -108,7 +108,7 @@ class TestPeaks:
         (by_exponent,) = correlator.find(outside, [STILL], targets, 1, 1.0)
         assert [[peak.psr for peak in peaks] for peaks in by_exponent] == [[0.0], [0.0]]
 
-    def test_refuse_what_is_no_number(self, device: Device) -> None:
+    def test_nan_is_refused(self, device: Device) -> None:
         points = surface(16)
         targets = [target.copy() for target in spectra(device, points, 16)]
         targets[1][3, 2] = np.nan
@@ -133,7 +133,7 @@ class TestAt:
 
 class TestNear:
     @pytest.mark.parametrize("edge", [16, pytest.param(18, marks=pytest.mark.slow)])
-    def test_is_what_the_whole_correlation_holds(self, device: Device, edge) -> None:
+    def test_equals_the_whole_correlation(self, device: Device, edge) -> None:
         points, given = surface(edge), poses(4)
         shifts = np.array([[0, 0, 0], [2, -3, 1], [5, 1, -edge // 2], [-7, edge + 3, 4]])
         near = make(device, edge, (1.0,)).near(device.to_device(points), given, spectra(device, points, edge), shifts)

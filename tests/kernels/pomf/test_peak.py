@@ -1,4 +1,4 @@
-"""Peaks against a NumPy search of the whole volume, with known sub-voxel shifts and hard cases."""
+"""Peaks equal those of a NumPy search of the whole volume; known sub-voxel shifts and hard cases."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def bump(shape, center, deviation, height=1.0):
 @pytest.mark.parametrize("shape", [(16, 16, 16), (9, 5, 13), (18, 18, 18)])
 @pytest.mark.parametrize("count", [1, 40])
 def test_equals_the_twin_on_noise(device, shape, count):
-    """In a slice that may begin anywhere, as the correlations of a grid of 18 voxels do, 23328 bytes apart."""
+    """In a slice at any offset, such as correlations of a grid of 18 voxels, which are 23328 bytes apart."""
     volume = np.random.default_rng(count).normal(size=shape).astype(np.float32)
     peaks = find_peaks(device, device.to_device(np.stack([1 + volume, volume]))[1], count, separation=2)
     assert [peak.index.tolist() for peak in peaks] == highest_maxima(volume, count, 2)
@@ -50,7 +50,7 @@ def test_shift_and_height_of_a_gaussian_between_the_voxels(device, deviation, sh
     assert peak.top == pytest.approx(7.0, rel=1e-4 if deviation > 0.8 else 0.06)
 
 
-def test_two_peaks_in_one_row_and_a_shoulder_that_is_none(device):
+def test_two_peaks_in_one_row_and_a_shoulder_that_is_no_peak(device):
     shape = (16, 16, 64)
     volume = bump(shape, (3, 4, 10), 2.5) + bump(shape, (3, 4, 40), 1, 0.8) + bump(shape, (15, 0, 63), 1, 0.5)
     peaks = find_peaks(device, device.to_device(volume.astype(np.float32)), 3)
@@ -58,7 +58,7 @@ def test_two_peaks_in_one_row_and_a_shoulder_that_is_none(device):
     np.testing.assert_allclose(peaks[2].shift, [-1, 0, -1], atol=0.01)
 
 
-def test_a_slope_into_the_limits_is_no_peak_and_a_constant_has_no_psr(device):
+def test_slope_at_the_limits_is_no_peak_and_a_constant_has_no_psr(device):
     volume = (bump((16, 16, 16), (6, 0, 0), 2) + bump((16, 16, 16), (1, 1, 1), 1, 0.3)).astype(np.float32)
     (peak,) = find_peaks(device, device.to_device(volume), limits=(3, None, None))
     assert tuple(peak.index) == (1, 1, 1)

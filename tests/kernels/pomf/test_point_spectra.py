@@ -1,4 +1,4 @@
-"""Spectra of points, whitened and in magnitude, against NumPy: relative L2 error within 2e-6."""
+"""Whitened spectra and magnitudes of points equal NumPy's within a relative L2 error of 2e-6."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ TOLERANCE = 2e-6
 
 
 def slab(edge, seed, count=400):
-    """(count, 4): a tilted slab that leaves most planes and rows empty, of unequal weights; a few points beyond."""
+    """(count, 4): a tilted slab of unequal weights that leaves most planes and rows empty; a few points outside."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-0.3, 0.35, (2, count)) * edge
     z = 0.2 * x - 0.1 * y + rng.normal(size=count)
@@ -32,22 +32,22 @@ def empty_spectra(device, edge, count):
 
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("exponents", [(1.0,), (1.0, 0.3, 0.0)])
-def test_whitened(device, edge, exponents):
-    """Twice, as the first call has to leave the volume empty."""
+def test_whitened_spectra(device, edge, exponents):
+    """The second call shows that the first left the volume empty."""
     spectra = PointSpectra(device, edge, exponents)
     for seed in (1, 2):
         points, out = slab(edge, seed), empty_spectra(device, edge, len(exponents))
         spectra.transform(device.to_device(points), out)
         want = np.fft.rfftn(occupied(points[:, :3], edge, points[:, 3]))
         for exponent, got in zip(exponents, out, strict=True):
-            # times what whitening divides by, or rounding would count most where there is next to nothing
+            # undo the whitening, or rounding would dominate where the spectrum is nearly 0
             assert relative_error(got.get()[..., : edge // 2 + 1] * np.abs(want) ** exponent, want) < TOLERANCE
 
 
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("lanes", [8, 16])
 def test_magnitudes(device, edge, lanes, monkeypatch):
-    """With vectors of either length, whichever the device has by itself."""
+    """With both vector lengths, whatever the device's own one is."""
     monkeypatch.setattr(point_spectra, "column_lanes", lambda _: lanes)
     points, (out,) = slab(edge, 3), empty_spectra(device, edge, 1)
     magnitudes = device.empty((edge, edge, edge // 2 + 1))
@@ -57,7 +57,7 @@ def test_magnitudes(device, edge, lanes, monkeypatch):
     assert relative_error(out.get()[..., : edge // 2 + 1] * np.abs(want), want) < TOLERANCE
 
 
-def test_no_points_leave_zeros(device):
+def test_no_points_give_zeros(device):
     (out,) = empty_spectra(device, 16, 1)
     PointSpectra(device, 16).transform(device.empty((0, 4)), [out])
     assert not out.get()[..., :9].any()  # the padding may hold anything

@@ -1,4 +1,4 @@
-"""Normalizing layers against NumPy: within 1e-5 of the layers' unit variance."""
+"""Normalization of layers equals NumPy's within 1e-5 of their unit variance."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_equals_the_twin(device, shape, masked):
     np.testing.assert_array_equal(there.get(), got)
 
 
-def test_a_large_mean_costs_no_precision(device):
+def test_large_mean_costs_no_precision(device):
     stack = (5000 + np.random.default_rng(1).normal(size=(3, 64, 64))).astype(np.float32)
     exact = stack.astype(np.float64)
     want = (exact - exact.mean(axis=(1, 2), keepdims=True)) / exact.std(axis=(1, 2), keepdims=True)
@@ -32,7 +32,7 @@ def test_a_large_mean_costs_no_precision(device):
     np.testing.assert_allclose(got, want, atol=2e-3)
 
 
-def test_constant_layers_and_masked_nonsense_give_zeros(device):
+def test_constant_layers_and_masked_values_give_zeros(device):
     stack = np.full((3, 16, 16), 0.1, np.float32)
     stack[1], stack[2] = 0, 12345.678
     mask = valid_pixels(rotational_unwrap(16))

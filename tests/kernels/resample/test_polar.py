@@ -1,4 +1,4 @@
-"""Polar samples of images' spectra against scipy.ndimage (relative L2 within 5e-5); rotation as a shift."""
+"""Polar samples of image spectra equal scipy.ndimage's (relative L2 within 5e-5); rotation shifts them."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_equals_scipy_on_the_whole_spectrum(device, shape, turns):
     assert relative_error(got, want) <= 5e-5
 
 
-def test_a_turned_image_is_a_shift(device):
+def test_rotation_of_the_image_shifts_the_samples(device):
     """I_R(v) = I(Rz(psi) v), smooth and analytic: its samples are those of I at the angle + psi."""
     edge, count, m = 64, 48, 5
     psi = m * np.pi / count

@@ -1,4 +1,4 @@
-"""Samples of a magnitude spectrum against scipy.ndimage (relative L2 within 5e-5), and the unwraps' laws."""
+"""Samples of a magnitude spectrum equal scipy.ndimage's (relative L2 within 5e-5); laws of the unwraps."""
 
 import numpy as np
 import pytest
@@ -44,14 +44,14 @@ def test_equals_scipy_on_the_whole_spectrum(device, edge, directions, degrees):
 
 
 def images(device, table, R, edge=64):
-    """One layer sampled without and with R."""
+    """One layer, sampled without and with R."""
     half, _ = magnitude_of(edge, seed=3)
     directions, radii = upload_directions(device, table), np.array([0.37 * edge])
     magnitude = device.to_device(half)
     return tuple(sample(device, magnitude, directions, radii, turn).get()[0] for turn in (None, R))
 
 
-def test_yaw_turns_the_rotational_unwrap(device):
+def test_yaw_rotates_the_rotational_unwrap(device):
     edge, psi = 32, np.pi / 2
     table = rotational_unwrap(edge)
     plain, turned = images(device, table, Rotation.from_euler("z", psi).as_matrix())
@@ -64,18 +64,18 @@ def test_yaw_turns_the_rotational_unwrap(device):
     assert relative_error(got, want) < 1e-4
 
 
-def test_pitch_shifts_the_unwrap_with_poles_on_y_and_roll_that_on_x(device):
+def test_pitch_shifts_the_unwrap_with_poles_on_y_and_roll_the_one_on_x(device):
     edge, m = 32, 5
     step = m * np.pi / edge
     plain, turned = images(device, rectangular_unwrap(edge, "y"), Rotation.from_euler("y", step).as_matrix())
     assert relative_error(turned[: edge - m], plain[m:]) < 1e-4
-    # past the edge it goes on mirrored in the other axis
+    # beyond the edge it continues, mirrored in the other axis
     assert relative_error(turned[edge - m :, 1:], plain[:m, :0:-1]) < 1e-4
     plain, turned = images(device, rectangular_unwrap(edge, "x"), Rotation.from_euler("x", step).as_matrix())
     assert relative_error(turned[:, m:], plain[:, : edge - m]) < 1e-4
 
 
-def test_tables_are_unit_vectors_of_the_upper_hemisphere():
+def test_directions_are_unit_vectors_of_the_upper_hemisphere():
     for table in (rectangular_unwrap(16, "x"), rectangular_unwrap(16, "y")):
         np.testing.assert_allclose(np.linalg.norm(table, axis=-1), 1, atol=1e-6)
         assert table[..., 2].min() > -1e-6

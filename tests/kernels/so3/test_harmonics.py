@@ -1,4 +1,4 @@
-"""Spherical harmonics of a spectrum's layers: against quadrature in double precision (float32: 1e-5), and mixtures."""
+"""Spherical harmonics of a spectrum's layers equal quadrature in double precision (within 1e-5), and mixtures."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from tests.samples.scenes.sphere_layers import random_coefficients, turned
 
 
 def spectrum(edge, seed):
-    """A magnitude spectrum that is no noise alone: weaker far out and along one axis."""
+    """A magnitude spectrum with noise that decays with the radius, differently along each axis."""
     rng = np.random.default_rng(seed)
     i, j, k = np.meshgrid(
         np.arange(edge) - edge / 2, np.arange(edge) - edge / 2, np.arange(edge / 2 + 1), indexing="ij"
@@ -22,7 +22,7 @@ def spectrum(edge, seed):
 
 
 def sampled(magnitude, harmonics, radii):
-    """(L, latitudes, longitudes) float64, each of mean 0 and variance 1 over the sphere."""
+    """(L, latitudes, longitudes) float64, each layer with mean 0 and variance 1 over the sphere."""
     half = len(magnitude) / 2
     places = radii[:, None, None, None] * harmonics.directions.astype(np.float64) + [half, half, 0]
     layers = map_coordinates(magnitude.astype(np.float64), places.reshape(-1, 3).T, order=1).reshape(places.shape[:-1])
@@ -38,7 +38,7 @@ def quadrature(latitudes):
 
 
 def coefficients_of(layers, bandwidth):
-    """The twin: the integral over both hemispheres in float64, which are the same at opposite places."""
+    """The twin: the integral in float64 over both hemispheres, which are equal at opposite points."""
     _, latitudes, longitudes = layers.shape
     heights, weights = quadrature(latitudes)
     azimuths = np.arange(longitudes) * 2 * np.pi / longitudes
@@ -72,10 +72,10 @@ class TestAnalyze:
         harmonics = Harmonics(device, 16, 32, 64)
         magnitude = 900 + 7 * spectrum(32, 9)  # a mean of 130 standard deviations
         got = harmonics.products(harmonics.analyze(device.to_device(magnitude), np.array([3.0, 9.0]))).get()
-        # squares of the means, which single precision leaves below 0.3 % of a standard deviation on any device
+        # squares of the means, which in single precision are below 0.3 % of a standard deviation
         np.testing.assert_allclose(got[0], 0, atol=1e-5)
         energy = np.trace(got, axis1=1, axis2=2).sum() / 2
-        assert 0.2 * 4 * np.pi < energy < 4 * np.pi * 1.001  # finer degrees hold the rest
+        assert 0.2 * 4 * np.pi < energy < 4 * np.pi * 1.001  # higher degrees have the rest
         flat = device.to_device(np.full((16, 16, 9), 7.3, np.float32))  # a constant layer becomes 0
         assert not harmonics.analyze(flat, np.array([2.0, 5.0])).get().any()
 
@@ -90,14 +90,14 @@ def test_mixtures_equal_the_matrix_product(device, bandwidth, layers, sums):
 
 
 def equalize(coefficients, power):
-    """Coefficients in float64, mixed."""
+    """Coefficients after equalizing, in float64."""
     return equalizers(np.real(coefficients @ coefficients.conj().transpose(0, 2, 1)), power) @ coefficients
 
 
 class TestEqualize:
     @pytest.mark.parametrize("power", [0.4, 1.0])
     @pytest.mark.parametrize("layers", [1, 40])
-    def test_each_degree_keeps_its_energy(self, power, layers):
+    def test_energy_per_degree_is_preserved(self, power, layers):
         coefficients = random_coefficients(12, layers, seed=8, decay=2)
         coefficients[0] = 1.0
         got = equalize(coefficients, power)
@@ -107,17 +107,17 @@ class TestEqualize:
 
     @pytest.mark.parametrize("layers", [3, 30])
     @pytest.mark.parametrize("power", [0.4, 1.0])
-    def test_a_turned_scan_gives_the_turned_result(self, power, layers):
+    def test_equalizing_commutes_with_rotation(self, power, layers):
         coefficients = random_coefficients(8, layers, seed=10, decay=1)
         R = Rotation.from_euler("ZYX", [40, -25, 70], degrees=True)
         got = equalize(turned(coefficients, R), power)
         assert relative_error(got, turned(equalize(coefficients, power), R)) < 1e-9
-        # which would hold for whatever leaves the coefficients alone
+        # unchanged coefficients would pass, too
         assert relative_error(equalize(coefficients, power)[1:], coefficients[1:]) > 0.05
 
     @pytest.mark.parametrize("power", [0.4, 1.0])
-    def test_it_is_the_power_of_the_orders_products(self, power):
-        """G^(-power / 2) of the 2 l + 1 orders, in float64: power 1 makes the directions of a degree alike."""
+    def test_equals_the_power_of_the_orders_products(self, power):
+        """G^(-power / 2) of the 2 l + 1 orders, in float64: power 1 makes the directions of a degree equally strong."""
         coefficients = random_coefficients(8, 30, seed=16)
         part = coefficients[2, :, 3:12]
         values, vectors = np.linalg.eigh(part.T.conj() @ part)
@@ -125,15 +125,15 @@ class TestEqualize:
         want *= np.linalg.norm(part) / np.linalg.norm(want)
         assert relative_error(equalize(coefficients, power)[2, :, 3:12], want) < 1e-9
 
-    def test_a_direction_that_is_mere_rounding_is_not_lifted(self):
-        """Two layers span 2 of 9 directions; the others stay weaker than the bound lifts them."""
+    def test_rounding_errors_are_not_amplified(self):
+        """Two layers span 2 of 9 directions; the others contain only rounding errors."""
         coefficients = random_coefficients(8, 2, seed=12)
         got = equalize(coefficients, 1)[2, :, 3:12]
         assert np.linalg.svd(got, compute_uv=False).min() > 0.9 * np.linalg.norm(got) / np.sqrt(2)
         basis = np.linalg.svd(coefficients[2, :, 3:12])[2][2:]
         assert np.abs(got @ basis.conj().T).max() < 1e-4 * np.linalg.norm(got)
 
-    def test_what_is_0_stays_0(self):
+    def test_zeros_stay_zeros(self):
         coefficients = random_coefficients(8, 3, seed=14)
         coefficients[2] = 0
         got = equalize(coefficients, 0.4)

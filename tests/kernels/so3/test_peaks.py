@@ -1,4 +1,4 @@
-"""Local maxima of correlations over rotations, against SciPy's maximum filter."""
+"""Local maxima of correlations over rotations equal those of SciPy's maximum filter."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from sonarmap.kernels.so3.correlation import RotationCorrelation
 
 
 def twin(values):
-    """The first of the highest local maxima of each quarter of a row, highest first; the values around each."""
+    """The highest local maximum of each quarter of a row, highest first, and the values around each."""
     images, edge, _ = values.shape
     top = values == maximum_filter(values, 3, mode="wrap")
     maxima = []
@@ -30,7 +30,7 @@ def twin(values):
 
 
 def volumes(shape, seed, levels=None):
-    """Noise, or few different numbers, of which neighbors are often equal; the last image 0."""
+    """Noise, or integers below `levels`, so that neighbors are often equal; the last image is 0."""
     rng = np.random.default_rng(seed)
     values = rng.normal(size=shape) if levels is None else rng.integers(0, levels, shape)
     values[:, -1] = 0
@@ -44,7 +44,7 @@ def test_equals_the_twin(device, bandwidth, largest, parts, levels):
     correlation = RotationCorrelation(device, bandwidth, largest)
     values = volumes((parts, len(correlation.betas) + 1, correlation.edge, correlation.edge), parts, levels)
     correlation.peaks(device.to_device(values))
-    found = correlation.peaks(device.to_device(values))  # a second search begins anew
+    found = correlation.peaks(device.to_device(values))  # a second search does not depend on the first
     assert len(found) == parts
     for peaks, volume in zip(found, values, strict=True):
         index, around = twin(volume)
@@ -53,8 +53,8 @@ def test_equals_the_twin(device, bandwidth, largest, parts, levels):
         np.testing.assert_array_equal(peaks.around[:, 13], volume[tuple(index.T)])
 
 
-def test_more_than_come_with_the_first_read(device):
-    """Everything is equal, so that each quarter of a row has its first voxel."""
+def test_more_peaks_than_the_first_read_returns(device):
+    """In constant images the first voxel of each quarter of a row is a maximum."""
     correlation = RotationCorrelation(device, 16, 0.5)
     edge = correlation.edge
     values = np.zeros((2, len(correlation.betas) + 1, edge, edge), np.float32)

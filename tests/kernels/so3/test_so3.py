@@ -1,4 +1,4 @@
-"""Correlation over all rotations: Wigner's matrices, a direct sum in double precision, rotations found again."""
+"""Correlation over all rotations: Wigner matrices, comparison with a direct sum in float64, known rotations."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def direct(target, source, R):
 
 
 def places_of(correlation, count, seed):
-    """Random samples of the correlation, first and last second angle among them."""
+    """Indices of random samples, including the first and the last second angle."""
     rng = np.random.default_rng(seed)
     places = rng.integers(0, [len(correlation.betas), correlation.edge, correlation.edge], (count, 3))
     places[0, 0], places[1, 0] = 0, len(correlation.betas) - 1
@@ -69,7 +69,7 @@ class TestCorrelation:
             want = direct(target, source, correlation.rotations(place))
             assert got[tuple(place)] == pytest.approx(want, abs=2e-6 * float(largest_value))
 
-    def test_calls_do_not_leave_traces_and_zero_coefficients_give_zero(self, device):
+    def test_calls_are_independent_and_zero_coefficients_give_zero(self, device):
         correlation = RotationCorrelation(device, 16, 1.0)
         many, few = random_coefficients(16, 7, 7), random_coefficients(16, 2, 8)
         first = correlate(correlation, few, few)
@@ -79,7 +79,7 @@ class TestCorrelation:
 
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(("bandwidth", "parts"), [(8, [(0, 2), (2, 5), (1, 1)]), (16, [(3, 4), (0, 1)])])
-    def test_parts_are_as_if_alone(self, device, bandwidth, parts):
+    def test_parts_equal_separate_correlations(self, device, bandwidth, parts):
         correlation = RotationCorrelation(device, bandwidth, 0.8)
         target, source = (random_coefficients(bandwidth, 7, seed) for seed in (11, 12))
         together = correlate(correlation, target, source, parts)
@@ -89,7 +89,7 @@ class TestCorrelation:
             alone = (each[:, first : first + count] for each in (target, source))
             np.testing.assert_allclose(got, correlate(correlation, *alone)[0], atol=1e-6 * scale)
 
-    def test_refuses_tables_beyond_the_device_before_it_computes_them(self, device, monkeypatch):
+    def test_tables_that_do_not_fit_are_refused_before_they_are_computed(self, device, monkeypatch):
         monkeypatch.setattr("sonarmap.kernels.so3.correlation.wigner_d", lambda *_: pytest.fail("computed"))
         monkeypatch.setattr(type(device), "memory", 2**20)
         with pytest.raises(DeviceError, match="a smaller `bandwidth`"):
@@ -99,13 +99,13 @@ class TestCorrelation:
 class TestSamples:
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(("bandwidth", "edge"), [(8, 16), (24, 64)])
-    def test_they_cover_what_is_asked_for(self, device, bandwidth, edge):
+    def test_tilts_cover_the_largest_one(self, device, bandwidth, edge):
         step = np.pi / (2 * bandwidth)
         for largest in (0.9, 1e-6):
             correlation = RotationCorrelation(device, bandwidth, largest)
             assert correlation.edge == edge
             np.testing.assert_allclose(correlation.betas, step * (np.arange(len(correlation.betas)) + 0.5))
-            # the last one is at or beyond it, and not by more than a step
+            # the last tilt is the largest one or less than a step beyond it
             assert largest <= correlation.betas[-1] < largest + step
         assert len(RotationCorrelation(device, 16).betas) == 32
 
@@ -131,11 +131,11 @@ def correlation(device):
     return RotationCorrelation(device, 16)
 
 
-class TestRotationsFoundAgain:
-    """Rotations through `correlate` with nothing else: the highest sample is the nearest one, or next to it."""
+class TestKnownRotations:
+    """The highest sample of the correlation of rotated layers is the nearest one, or next to it."""
 
     @pytest.mark.parametrize("R", TURNS)
-    def test_a_turned_source_peaks_at_its_rotation(self, correlation, layers, R):
+    def test_rotated_source_peaks_at_its_rotation(self, correlation, layers, R):
         source, energy = turned(layers, R), np.linalg.norm(layers) ** 2
         for target, other, want in ((layers, source, R), (source, layers, R.inv())):
             values = correlate(correlation, target, other)[0]
@@ -146,19 +146,19 @@ class TestRotationsFoundAgain:
 
 
 def from_beta(beta: float, count: int, seed: int) -> Rotation:
-    """Rotations whose z axes are so far from z [rad], otherwise any."""
+    """Random rotations that tilt the z axis by `beta` [rad]."""
     first, third = np.random.default_rng(seed).uniform(-np.pi, np.pi, (2, count))
     return Rotation.from_euler("ZYZ", np.column_stack([first, np.full(count, beta), third]))
 
 
-STEP = np.pi / 32  # of the bandwidth of `correlation`
+STEP = np.pi / 32  # angle between samples of `correlation`
 
 
 class TestPlaces:
-    """The inverse of the rotations at places."""
+    """`places` is the inverse of `rotations`."""
 
     def off(self, correlation: RotationCorrelation, R: Rotation) -> np.ndarray:
-        """How far the rotations at the places of rotations are from these, (n,) [rad]."""
+        """(n,) [rad]: the angles between rotations and those at their places."""
         return (correlation.rotations(correlation.places(R)).inv() * R).magnitude()
 
     def test_of_random_rotations(self, correlation):
@@ -169,13 +169,13 @@ class TestPlaces:
 
     @pytest.mark.parametrize("level", [0, 1e-5, STEP / 2.5])
     @pytest.mark.parametrize("upside_down", [False, True])
-    def test_near_an_end_nothing_is_farther_than_its_sample(self, correlation, level, upside_down):
+    def test_tilts_near_0_or_pi_belong_to_the_end_sample(self, correlation, level, upside_down):
         R = from_beta(np.pi - level if upside_down else level, 200, 3)
         end = len(correlation.betas) - 1 if upside_down else 0
         np.testing.assert_array_equal(correlation.places(R)[:, 0], end)
         assert self.off(correlation, R).max() < STEP / 2 + 1e-5
 
-    def test_beyond_the_largest_tilt_it_is_the_last_sample(self, device):
+    def test_tilts_beyond_the_largest_belong_to_the_last_sample(self, device):
         correlation = RotationCorrelation(device, 16, 0.5)
         R = from_beta(1.2, 200, 5)
         np.testing.assert_array_equal(correlation.places(R)[:, 0], len(correlation.betas) - 1)

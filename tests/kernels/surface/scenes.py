@@ -1,4 +1,4 @@
-"""Surfaces that tests share: points of bent sheets and walls, one a voxel, and their elements by NumPy."""
+"""Surfaces for tests: points of bent sheets and walls, one per voxel, and their elements by NumPy."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from sonarmap.kernels.surface.cells import Elements, sort_into_cells
 
 
 def bent_sheet(count: int, seed: int, extent: float = 25.0) -> np.ndarray:
-    """(m, 3) at most `count` points of a bent sheet and of a wall across it, one a voxel [voxels]."""
+    """(m, 3) [voxels]: at most `count` points of a bent sheet and of a wall across it, one per voxel."""
     u = np.random.default_rng(seed).uniform(-1, 1, (count, 3))
     sheet = np.column_stack([extent * u[:, 0], 0.7 * extent * u[:, 1], 3 * np.sin(2.2 * u[:, 0]) + 2 * u[:, 1] ** 2])
     wall = np.column_stack([0.6 * extent + 2 * u[:, 2], 0.7 * extent * u[:, 1], 6 * u[:, 0]])
@@ -16,7 +16,7 @@ def bent_sheet(count: int, seed: int, extent: float = 25.0) -> np.ndarray:
 
 
 def random_rows(points: np.ndarray, seed: int) -> np.ndarray:
-    """(m, 12) float32 elements of the points with random normals, rays, rims and directions."""
+    """(m, 12) float32 elements of the points, with random normals, rays, rims and directions."""
     rng = np.random.default_rng(seed)
     rows = np.zeros((len(points), 12), np.float32)
     normals = rng.normal(size=(len(points), 3))

@@ -1,4 +1,4 @@
-"""Point-to-plane steps in NumPy and SciPy, float64: what the kernels are compared with."""
+"""Point-to-plane steps in NumPy and SciPy, float64, with which the kernels are compared."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from sonarmap.kernels.surface.refinement import Stretching, Weighting
 
 @dataclass
 class Pose:
-    """A pose on its way, as `Record` has k of them."""
+    """A pose during the refinement, one of the k in `Record`."""
 
     turn: np.ndarray
     shift: np.ndarray
@@ -21,7 +21,7 @@ class Pose:
 
 @dataclass
 class Sums:
-    """What the pairs of a pose say, as `Record` has it of k."""
+    """Sums over the pairs of points at a pose, one of the k in `Record`."""
 
     moving: np.ndarray
     whole: np.ndarray
@@ -41,7 +41,7 @@ def sums_of(
     weighting: Weighting,
     stretching: Stretching | None,
 ) -> Sums:
-    """Of a step between target and source, of rows (m, 12); the pose's width is set where it is measured."""
+    """Sums of a step between target and source, rows (m, 12); sets the pose's width in steps that measure it."""
     target, source = surfaces
     bell = max(reach * weighting.bell, pose.width * weighting.wide_bell)
     near_step, far = reach < weighting.measured, max(reach, weighting.bells * bell)
@@ -49,7 +49,7 @@ def sums_of(
     few_target, few_source = (rows[:: max(1, -(-len(rows) // most))] for rows in (target, source))
     distance, there = KDTree(target[:, :3]).query(few_source[:, :3] @ R.T + t)
     back_distance, here = KDTree(source[:, :3]).query((few_target[:, :3] - t) @ R)
-    ours = np.vstack([few_source, source[here]])  # of the source's scan
+    ours = np.vstack([few_source, source[here]])  # points of the source
     theirs = np.vstack([target[there], few_target])
     near = np.concatenate([distance, back_distance]) <= far
     inner = np.concatenate([target[there, 3], source[here, 3]]) > 0
@@ -84,7 +84,7 @@ def sums_of(
 
 
 def moved(pose: Pose, sums: Sums, stretching: Stretching | None) -> Pose:
-    """A Gauss-Newton step over the pose and opposite stretches, all at once."""
+    """The pose after a joint Gauss-Newton step of itself and opposite stretches."""
     size = 6 if stretching is None else 7
     opposite = np.vstack([np.eye(7), -np.eye(7)[6]])[:, :size]
     hessian, gradient = sums.moving.copy(), sums.gradient.copy()
@@ -107,7 +107,7 @@ def moved(pose: Pose, sums: Sums, stretching: Stretching | None) -> Pose:
 
 
 def squared_doubts(sums: Sums) -> tuple[np.ndarray, np.ndarray]:
-    """(6,) along the principal axes, shares ascending, and the shares."""
+    """(6,) squared doubts along the principal axes and their shares of the information, ascending."""
     information = (sums.shared + sums.shared.T)[:6, :6] / 2
     lever = np.sqrt(max(np.trace(information[:3, :3]), 1e-12) / max(sums.total, 1e-12))
     units = np.repeat([lever, 1.0], 3)

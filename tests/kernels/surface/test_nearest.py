@@ -1,4 +1,4 @@
-"""Nearest points against SciPy's tree: the same but for rounding, for any shape, number and reach, near and far."""
+"""Nearest points equal those of SciPy's tree, except for rounding."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.surface.cells import find_nearest, sort_into_cells
 from tests.kernels.surface.scenes import bent_sheet
 
-# Coordinates of 100 voxels are rounded by 4e-6 each.
+# Coordinates of 100 voxels have rounding errors of 4e-6.
 ROUNDING = 3e-5
 STILL = np.eye(3)[None], np.zeros((1, 3))
 
@@ -24,7 +24,7 @@ def cloud(shape: str, count: int) -> np.ndarray:
 
 
 def require_nearest(device: Device, points: np.ndarray, places: np.ndarray, count: int, reach: float) -> None:
-    """The kernel's answers under some poses are the tree's."""
+    """Require that the kernel and the tree find the same neighbors at some poses."""
     rng = np.random.default_rng(7)
     R, t = Rotation.random(count, rng=rng).as_matrix(), rng.uniform(-4, 4, (count, 3))
     cells = sort_into_cells(device, points)
@@ -57,7 +57,7 @@ def test_equals_the_twin(device: Device, shape: str, count: int, poses: int, rea
 
 
 @pytest.mark.parametrize("reach", [2.0, 700.0])
-def test_far_outliers_and_places_far_outside(device: Device, reach: float) -> None:
+def test_far_outliers_and_queries_far_outside(device: Device, reach: float) -> None:
     points = np.vstack([cloud("surface", 800), [[4e5, 0, 3], [0, -9e5, 0], [30, 30, 1e6]]]).astype(np.float32)
     rng = np.random.default_rng(5)
     places = np.vstack([rng.uniform(-30, 30, (100, 3)), [[3e5, 0, 0], [-500, 40, 0], [1e6, 1e6, -1e6]]])
@@ -71,7 +71,7 @@ def test_far_outliers_and_places_far_outside(device: Device, reach: float) -> No
     require_nearest(device, many, many[:500].astype(np.float64) + 0.3, 1, 8.0)
 
 
-def test_of_points_equally_far_the_first_in_the_cells_is_taken_and_no_number_has_no_neighbor(device: Device) -> None:
+def test_ties_take_the_first_point_in_the_cells_and_nan_has_no_neighbor(device: Device) -> None:
     points = np.array([[1, 0, 0], [-1, 0, 0], [0, 2, 0]], np.float32)
     places = upload_places(device, np.array([[0, 0, 0], [0, 0, 1.5], [np.nan, 0, 0], [0, np.inf, 0]]))
     cells = sort_into_cells(device, points)

@@ -1,4 +1,4 @@
-"""Planes of neighbors against SciPy's tree and NumPy's eigenvectors in float64."""
+"""Planes of neighbors equal those by SciPy's tree and NumPy's eigenvectors in float64."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ FARTHEST, ASIDE = 3.0, 0.4
 
 
 def twin(points: np.ndarray, views: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 12) as the kernel's, and (m,) which are too near to a choice to tell in float32."""
+    """(m, 12) rows as the kernel's, and (m,) which rows rounding to float32 may change."""
     distance, nearest = map(np.asarray, KDTree(points).query(points, min(NEIGHBORS + 1, len(points))))
     tied = np.zeros(len(points), bool)
     if len(points) > NEIGHBORS:
@@ -60,7 +60,7 @@ def test_equals_the_twin(device: Device, count: int, views: int) -> None:
 
 
 @pytest.mark.parametrize("kind", ["plane", "line", "point", "far"])
-def test_what_shows_no_surface_is_finite(device: Device, kind: str) -> None:
+def test_degenerate_points_give_finite_planes(device: Device, kind: str) -> None:
     u = np.random.default_rng(2).uniform(-20, 20, (300, 3))
     points = u * {"plane": (1, 1, 0), "line": (1, 0, 0), "point": (0, 0, 0), "far": (1, 1, 1)}[kind]
     if kind == "far":

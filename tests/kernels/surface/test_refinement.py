@@ -1,4 +1,4 @@
-"""Point-to-plane steps on the device against NumPy's, step by step and several together."""
+"""Point-to-plane steps on the device equal NumPy's, singly and in sequence."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ STRETCHING = Stretching(known=7e5, power=2.25, narrowest=0.02)
 
 
 def leaning_rows(points: np.ndarray, seed: int) -> np.ndarray:
-    """Elements whose normals lean 0.1 about what the sheet's are, about, and rays from above."""
+    """Elements with rays from above, whose normals deviate by about 0.1 from those of the sheet."""
     rows = random_rows(points, seed)
     normals = np.column_stack([-0.2 * np.cos(points[:, 0] / 11), -0.1 * points[:, 1] / 17, np.ones(len(points))])
     normals[np.abs(points[:, 2]) > 4] = [1, 0, 0.1]
@@ -71,7 +71,7 @@ def test_sums_equal_the_twin(device, rows, reach, most, poses, stretching):
 
 
 @pytest.mark.parametrize("stretching", [None, STRETCHING])
-def test_steps_without_a_read_lead_where_the_twins_do(device, rows, stretching):
+def test_steps_equal_the_twin(device, rows, stretching):
     poses = begin(3, 4, stretching)
     steps = refinement(device, rows, 600, poses, stretching)
     for reach in (4.0, 3.0, 2.0):
@@ -95,8 +95,8 @@ def test_steps_without_a_read_lead_where_the_twins_do(device, rows, stretching):
         np.testing.assert_allclose(leads[n, :, 3], got.next_shift[n], atol=1e-6)
 
 
-def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(device: Device) -> None:
-    """Points above a plane by 0.1, 0.2, 0.4 and 0.7, and both ways; without normals on their side nothing else."""
+def test_width_of_an_even_number_of_gaps_is_the_mean_of_the_middle_ones(device: Device) -> None:
+    """Distances from a plane of 0.1, 0.2, 0.4 and 0.7, from target to source and back."""
     ours, theirs = np.zeros((2, 4, 12), np.float32)
     ours[:, 0] = theirs[:, 0] = [0, 9, 18, 27]
     theirs[:, 2] = [0.1, -0.2, 0.4, 0.7]
@@ -107,7 +107,7 @@ def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(device: Device) 
     assert steps.end().read().width[0] == pytest.approx(0.3, abs=1e-6)
 
 
-def test_nothing_within_reach_leaves_the_pose(device: Device, rows: list[np.ndarray]) -> None:
+def test_pose_is_unchanged_if_nothing_is_within_reach(device: Device, rows: list[np.ndarray]) -> None:
     pose = Pose(np.eye(3), np.array([900.0, 0, 5]), 0.2, np.zeros(2))
     steps = refinement(device, rows, 1000, [pose], STRETCHING)
     for reach in (8.0, 2.0):

@@ -1,4 +1,4 @@
-"""What surfaces share against SciPy's tree, with random normals and weights."""
+"""Shared parts of surfaces equal those by SciPy's tree, with random normals and weights."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def weighted(device: Device, rows: np.ndarray) -> WeightedElements:
 
 
 def one_way(rows: np.ndarray, others: np.ndarray, R: np.ndarray, t: np.ndarray, most: int) -> np.ndarray:
-    """(4,) of the others' points, which R and t bring to the rows."""
+    """(4,) sums over the points of `others`, which R and t move into the frame of `rows`."""
     few = others[:: max(1, -(-len(others) // most))]
     distance, index = KDTree(rows[:, :3]).query(few[:, :3] @ R.T + t)
     weights, on = WEIGHTS[few[:, 7].astype(int)], distance <= NEARNESS.reach
