@@ -41,7 +41,7 @@ def not_finite(device: Device) -> Array:
 
 CASES: dict[str, Callable] = {
     "even products of 2, 3 and 5 from 16 to 512": lambda d: RealFFT(d, (28, 32, 64)),
-    "last two edges": lambda d: RealFFT(d, (0, 32, 32), batched=True),
+    "the last two of them even": lambda d: RealFFT(d, (0, 32, 32), batched=True),
     "`volume` is float64": lambda d: RealFFT(d, (16, 16, 16)).forward(d.to_device(np.zeros((16, 16, 16)))),
     "in C order": lambda d: RealFFT(d, (16, 16, 16)).forward(d.empty((16, 16, 17))[:, :, 1:]),
     "`R` and `t` have shapes": lambda d: upload_poses(d, EYE, np.zeros((2, 3))),

@@ -1,4 +1,4 @@
-"""Descriptions of OpenCL devices that outlive their drivers, and the devices that a selector matches, in order."""
+"""Descriptions of OpenCL devices, which need no loaded driver, and the choice among them by selector and preference."""
 
 import re
 from collections.abc import Iterable
@@ -19,13 +19,13 @@ class DeviceInfo:
 
     Attributes:
         selector: "platform:device", which `choose_device` takes; the number of a driver without devices.
-        name, platform, version, kind: as the driver gives them; kind is "cpu", "gpu" or "other".
+        name, platform, version, kind: as the driver reports them; kind is "cpu", "gpu" or "other".
         compute_units: number of cores or multiprocessors; 0 for a driver without devices.
         memory, largest_allocation: [bytes].
         fault: why it cannot be used, or "" if a trial kernel gave the right numbers and no self-test failed.
         self_test: "passed", "failed" or "not tested", with this driver and these kernels (`kernels.self_test`).
         driver_file: the .icd file that names its driver; "" if the system's loader found the driver.
-        vendor, platform_version, driver_version: as the driver gives them.
+        vendor, platform_version, driver_version: as the driver reports them.
         clock: [MHz].
         shares_memory: whether its memory is the host's.
     """

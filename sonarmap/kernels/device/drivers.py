@@ -45,7 +45,7 @@ def vendor_folder(environment: Mapping[str, str] = os.environ) -> tuple[Path, st
 
 def installed_drivers(environment: Mapping[str, str] = os.environ) -> list[Driver]:
     """All drivers, without duplicates, in the order of their files: those that a variable points to, else the system's,
-    pip's and conda's. If there is none, a `Driver()` for what the system's loader may find by itself."""
+    pip's and conda's. If there are none, `Driver()`: what the system's loader may find by itself."""
     place, variable = vendor_folder(environment)
     if place.is_file() and place.suffix != ".icd":
         return [Driver(str(place), str(place))]

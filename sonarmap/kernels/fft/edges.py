@@ -62,10 +62,10 @@ class Layout:
     def __post_init__(self) -> None:
         edges = self.shape[1:] if self.batched else self.shape
         if len(self.shape) != 3 or any(edge not in EDGES for edge in edges) or self.shape[0] < 1:
-            which = "the last two edges" if self.batched else "all of them"
+            which = "the last two" if self.batched else "all"
             raise InputError(
-                f"no Fourier transform of `shape={self.shape}`: it takes three edges, and {which} must be "
-                f"{KINDS}. Pad the array, or choose another `edge`."
+                f"`shape={self.shape}` has no Fourier transform; wanted three edges, {which} of them {KINDS}. "
+                "Pad the array, or choose another `edge`."
             )
 
     @property
