@@ -1,9 +1,9 @@
 """Two scans in, one 6-DoF registration with its uncertainty out.
 
-`registration.py` is the method, its steps in order: `prepare/` is what one scan contributes to every pair, `so3.py`
-finds rotations, `translation.py` shifts, `verify/` tests the hypotheses that they make, and `judgement.py` says how
-probable they are. `prior.py` says what the vehicle's instruments leave possible. `hemisphere.py` is the paper's own
-chain. A method is any object with `prepare(scan)` and `register(target, source)`: see `result.Registrar`.
+`registration.py` runs the steps of the method in order: `prepare/` computes what a scan contributes to all its pairs,
+`so3.py` finds rotations, `translation.py` finds shifts, `verify/` tests the resulting hypotheses, and `judgement.py`
+computes their probabilities. `prior.py` bounds the pose by the vehicle's instruments. `hemisphere.py` is the paper's
+own chain. A method is any object with `prepare(scan)` and `register(target, source)`: see `result.Registrar`.
 """
 
 import lazy_loader

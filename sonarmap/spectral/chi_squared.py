@@ -1,6 +1,6 @@
-"""Quantiles of chi-squared, the sum of the squares of some independent standard normal numbers.
+"""Quantiles of the chi-squared distribution.
 
-Not by scipy.stats, which takes half a second to load.
+scipy.stats has them too, but takes half a second to import.
 """
 
 from typing import Any
@@ -10,15 +10,15 @@ from scipy.special import gammaincc, gammainccinv, gammaincinv
 
 
 def chi_squared(probability: float, numbers: int | np.ndarray) -> Any:
-    """The quantile of chi-squared at a probability, with `numbers` degrees of freedom; an array for arrays."""
+    """Quantile of chi-squared with `numbers` degrees of freedom; an array for arrays."""
     return 2 * gammaincinv(np.asarray(numbers) / 2, probability)
 
 
 def chi_squared_beyond(probability: float | np.ndarray, numbers: int | np.ndarray) -> Any:
-    """The value that chi-squared exceeds with a probability, however small that is."""
+    """Value that chi-squared exceeds with a probability, precise for tiny probabilities too."""
     return 2 * gammainccinv(np.asarray(numbers) / 2, probability)
 
 
 def beyond_sigmas(sigmas: float, numbers: int) -> float:
-    """The value that chi-squared exceeds as seldom as a normal number is off by `sigmas` standard deviations."""
+    """Value that chi-squared exceeds with the probability of a normal deviate beyond `sigmas` standard deviations."""
     return float(chi_squared_beyond(gammaincc(0.5, sigmas**2 / 2), numbers))

@@ -1,4 +1,4 @@
-"""None"""
+"""The covariance of a refined pose, from its planes, its correlation peak, and instruments."""
 
 from dataclasses import dataclass
 
@@ -15,31 +15,31 @@ from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.verifier import Observability
 
 ELLIPSOID = float(chi_squared(0.95, 6))
-_TELLING = 0.01  # scans that know a smaller share of what instruments know are taken to agree with these
-_DOUBTS = 2.0  # standard errors up to which what planes hold may be nothing
-_UNHELD = 10.0  # sigma of a direction that nothing holds, in half turns and grid edges: a bound is no measurement
-_LEAST = 1e-9  # points by which planes hold any direction
-_WHITENING = 1  # which of `WHITENINGS` shows best how far scans can slide
-_RARE = 0.03  # slides that are rarer are outliers, which a graph has to reject by itself
+_TELLING = 0.01  # with less information than this share of the instruments', scans are taken to agree with them
+_DOUBTS = 2.0  # standard errors up to which the information of planes is not significant
+_UNHELD = 10.0  # sigma of an unconstrained direction [half turns; grid edges]
+_LEAST = 1e-9  # minimum information in any direction [points]
+_WHITENING = 1  # index of the one of `WHITENINGS` that shows best how far scans can slide
+_RARE = 0.03  # less probable slides are outliers, left to the graph's outlier rejection
 
 
 def slides_of(seen: Observability) -> np.ndarray:
-    """(3, bands) the logarithm of what is left of the correlation some voxels away along each direction."""
+    """(3, bands) logarithm of the correlation some voxels off the peak along each direction, as a share of the peak."""
     return np.log(seen.slides[:, :, _WHITENING])
 
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """How far scans may have slid along a direction, by what is left of their correlation along it: planes do not say
-    that they may lie elsewhere along it, where the next post or ripple fits."""
+    """Model of how far scans may have slid along a direction, by the correlation beside the peak: the planes do not
+    show that the scans may also fit at the next post or ripple."""
 
-    # odds, weight: logarithm of the odds that they have slid, logistic in the logarithm of the share that is left
+    # odds, weight: log odds of a slide, linear in the logarithm of the correlation's share
     odds: float
     weight: float
-    reach: float  # root mean square of how far they have, then [voxels of the coarse grid]
+    reach: float  # root mean square length of a slide [voxels of the coarse grid]
 
     def variance(self, seen: Observability, grid: Grid) -> np.ndarray:
-        """(3,) [voxels^2], along the axes of what was `seen`."""
+        """(3,) [voxels^2], along the axes of `seen`."""
         slid = expit(self.odds + self.weight * slides_of(seen)[:, 0])
         return np.maximum(slid - _RARE, 0.0) * (self.reach * grid.edge / coarse_edge(grid.edge)) ** 2
 
@@ -49,13 +49,13 @@ SLIDE = Slide(**FITTED["slide"])
 
 @dataclass(frozen=True, slots=True)
 class PoseCovariance:
-    """How sure T_target_source is, rotation first, body tangent of the source's sensor frame [rad, m]."""
+    """Covariances of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m]."""
 
-    posterior: np.ndarray  # (6, 6), by the scans and by what instruments measured
-    by_scans: np.ndarray  # (6, 6), by the scans alone, with the distortion that the instruments show
-    by_instruments: np.ndarray | None  # (6, 6), by the instruments alone; None without
-    # (6,) from the refined pose to where the scans alone would have it, as `Fit.step`, but for directions that they
-    # leave open beside the instruments
+    posterior: np.ndarray  # (6, 6), by the scans and the instruments
+    by_scans: np.ndarray  # (6, 6), by the scans alone, with the distortion that the instruments reveal
+    by_instruments: np.ndarray | None  # (6, 6), by the instruments alone; None without any
+    # (6,) from the refined pose to that by the scans alone, as `Fit.step`, but near 0 along directions that only the
+    # instruments constrain
     step: np.ndarray
 
 
@@ -68,10 +68,10 @@ def fit_covariance(
 ) -> PoseCovariance:
     """The covariance of a refined pose, whose evidence is measured on the whole grid.
 
-    Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
-    a single plane that of three directions, up to ten times half a turn and the grid's edge. The centers are the
-    target's and the source's grid center, (3,) each [m, each in its sensor frame]. `seen` is how sharply the scans
-    agree there, None where that was not measured.
+    Rotation and translation are estimated jointly. The variance is large along a bare wall, and in three directions for
+    a single plane: sigmas reach ten times half a turn and the grid's edge. `centers` are the target's and the source's
+    grid centers, (3,) each [m, each in its sensor frame]. `seen` is the observability at the pose, None if it was not
+    measured.
     """
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
@@ -90,8 +90,7 @@ def fit_covariance(
         posterior = np.linalg.inv(information + measured)
         step = np.linalg.solve(information + _TELLING * measured, information @ fit.step)
         by_instruments = np.linalg.inv(measured + unknown)
-    # from a turn of the target's axes and a shift along them to the source's own
-    back = fit.R.inv()
+    back = fit.R.inv()  # from the target's axes to the source's
     meters = np.outer(*[np.repeat([1.0, grid.voxel], 3)] * 2)
     at_sensor = (
         None if each is None else covariance_at_sensor(rotated(back, each) * meters, centers[1])
@@ -102,17 +101,17 @@ def fit_covariance(
 
 
 def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:
-    """Whether another pose lies in the 95 % ellipsoid of one, by its (6, 6) covariance as `PoseCovariance` has it."""
+    """Whether another pose lies in the 95 % ellipsoid of T, whose covariance (6, 6) is as in `PoseCovariance`."""
     away: np.ndarray = (T.inv() * other).as_exp_coords()
     return float(away @ np.linalg.solve(covariance, away)) <= ELLIPSOID
 
 
 def _by_planes(hypothesis: Hypothesis) -> np.ndarray:
-    """(6, 6) by the scans' planes, of a turn of the target's axes about the source's grid center and a shift."""
+    """Covariance (6, 6) by the planes, of a turn about the target's axes at the source's grid center and a shift."""
     fit = hypothesis.fit
     share, axes, lever = principal_axes(fit.information, fit.pairs)
     variance = float(CALIBRATION.variance(np.array(fit.width), hypothesis.evidence.psr))
-    # a share that is no more than its error may be nothing; one that is far above it is what it seems
+    # information no larger than its standard error is ignored
     share = np.maximum(share, _LEAST)
     sure = 1 - (_DOUBTS * fit.doubt / share) ** 2
     axes = axes / np.repeat([max(float(lever), 1e-6), 1.0], 3)[:, None]
@@ -122,8 +121,8 @@ def _by_planes(hypothesis: Hypothesis) -> np.ndarray:
 
 
 def by_stretch(fit: Fit, held: np.ndarray) -> np.ndarray:
-    """(6, 6) what the pose may be off by as the ranges' shares are not known, in the directions of `held`, the (6, 6)
-    inverse of the information."""
+    """Covariance (6, 6) from the unknown stretch of the ranges, in the directions of `held`, the (6, 6) inverse of the
+    information."""
     if fit.stretching is None:
         return np.zeros((6, 6))
     across, both = fit.stretching[:, :6], fit.stretching[:, 6:]

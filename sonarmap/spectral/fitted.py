@@ -1,4 +1,4 @@
-"""The numbers that were fitted to recorded evidence: one table, which `sonarmap reproduce confidence --write` makes."""
+"""Parameters fitted to recorded evidence, in one table that `sonarmap reproduce confidence --write` writes."""
 
 import json
 from pathlib import Path

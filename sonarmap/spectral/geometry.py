@@ -1,4 +1,4 @@
-"""What instruments measure of a scan's rotation, largest tilts between scans, and covariances at the sensor."""
+"""Measured rotations of scans and their covariances, the bound on tilt, and covariances at the sensor."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -7,29 +7,29 @@ from sonarmap.spectral.scan import PosePrior
 
 
 def measured_rotation(prior: PosePrior) -> Rotation:
-    """R_world_sensor, level where the attitude is not measured."""
+    """R_world_sensor; without a measured attitude only its turn about the vertical."""
     R = prior.T_world_sensor.rotation
     return R if prior.knows_attitude else Rotation.from_euler("Z", twist(R))
 
 
 def twist(R: Rotation) -> np.ndarray:
-    """(...) the turn about the vertical of R = S Rz(turn), S about a level axis [rad], within pi.
+    """(...) turn about the vertical [rad], within pi, of R = S Rz(turn) with S about a level axis.
 
-    The same as that of R = Rz(turn) S'. Undefined upside down, where it is 0.
+    R = Rz(turn) S' has the same turn. It is undefined upside down; 0 is returned there.
     """
     quaternion = R.as_quat(canonical=True)
     return 2 * np.arctan2(quaternion[..., 2], quaternion[..., 3])
 
 
 def level_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:
-    """(2, 2), or (N, 2, 2) for N turns: of the errors of roll and pitch in the world [rad^2], turned about z."""
+    """Covariance (2, 2), or (N, 2, 2) for N turns, of roll and pitch errors in the world [rad^2], turned about z."""
     angle = (np.asarray(turn) + twist(prior.T_world_sensor.rotation)) * prior.turned
     axes = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), (0, 1), (-2, -1))
     return axes * prior.sigmas[:2] ** 2 @ np.swapaxes(axes, -1, -2)
 
 
 def rotation_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:
-    """(3, 3), or (N, 3, 3) for N turns: of all errors of rotation in the world [rad^2], 0 for what is not measured."""
+    """Covariance (3, 3), or (N, 3, 3) for N turns, of the rotation's errors in the world [rad^2]; 0 if not measured."""
     covariance = np.zeros((*np.shape(turn), 3, 3))
     if prior.knows_attitude:
         covariance[..., :2, :2] = level_covariance(prior, turn)
@@ -60,29 +60,29 @@ def cross_matrices(vectors: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array([[nothing, -z, y], [z, nothing, -x], [-y, x, nothing]]), 2, 0)
 
 
-# A bound that a scan just keeps must not refuse it for the error of its estimate [rad].
+# Tolerance for the error of the estimated tilt [rad].
 _TILT_SLACK = float(np.deg2rad(3.0))
 
 
 def largest_tilt(R: Rotation) -> np.ndarray:
-    """The larger of roll and pitch [rad], R = Rz(yaw) Ry(pitch) Rx(roll): () for one rotation, (n,) for a stack."""
+    """Larger of |roll| and |pitch| [rad], R = Rz(yaw) Ry(pitch) Rx(roll): () for one rotation, (n,) for a stack."""
     return np.abs(R.as_euler("ZYX")[..., 1:]).max(axis=-1)
 
 
 def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> np.ndarray:
-    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off; () or (n,)."""
+    """Whether roll and pitch exceed the bound [rad] by at most 3 degrees, the tolerance of estimates; () or (n,)."""
     return largest_tilt(R_target_source) <= max_tilt + _TILT_SLACK
 
 
 def tilt_reach(max_tilt: float) -> float:
-    """How far a rotation vector may reach along one of the target's axes under that bound [rad]: roll and pitch are
-    about the source's axes after yaw, and both at the bound are its root of two about one axis."""
+    """Largest component of the rotation vector along a level axis of the target under that bound [rad]: roll and pitch,
+    both at the bound, may add up to sqrt(2) times the bound about one axis."""
     return float(np.sqrt(2.0)) * (max_tilt + _TILT_SLACK)
 
 
 def tilt_refusal(R_target_source: Rotation, max_tilt: float) -> str:
-    """Why a rotation beyond the bound [rad] is refused, in words; "" where it keeps to it."""
+    """Reason to refuse a rotation beyond the bound [rad], in words; "" if it is allowed."""
     if tilt_allowed(R_target_source, max_tilt):
         return ""
     tilt = np.rad2deg(largest_tilt(R_target_source))
-    return f"roll or pitch is {tilt:.0f} degrees; believed up to {np.rad2deg(max_tilt):g} degrees"
+    return f"roll or pitch is {tilt:.0f} degrees; accepted up to {np.rad2deg(max_tilt):g} degrees"

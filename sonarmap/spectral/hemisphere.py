@@ -21,28 +21,28 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.translation import SAME_SHIFT, Translation
 
-# Rotations nearer than this to each other are the same answer [rad].
+# Rotations closer than this are the same answer [rad]
 _SAME_ROTATION = float(np.deg2rad(10.0))
-# The least peak-to-sidelobe ratio of an accepted translation, on a grid of up to 128 voxels per edge. On larger ones
-# false peaks are higher, and it grows with (edge / 128)^0.75.
+# Minimum peak-to-sidelobe ratio of an accepted translation, on a grid of up to 128 voxels per edge. It grows with
+# (edge / 128)^0.75, as false peaks are higher on larger grids.
 _LEAST_PSR = 30.0
-_DISTINCTION = 1.7  # the least ratio between it and that of any other answer
-_LEAST_OVERLAP = 0.05  # the least share of points in common
-_REACH = 2.0  # of a counterpart: a voxel of either scan plus the noise between them [voxels]
-_SAMPLE = 2000  # points that choose among the alternatives of a shift
-# Deviations, for every voxel of the grid's edge, from which on a peak is placed to within the quantization alone; the
-# error of lower ones grows with the inverse of their height.
+_DISTINCTION = 1.7  # minimum ratio of its psr to that of any other answer
+_LEAST_OVERLAP = 0.05  # minimum share of points in common
+_REACH = 2.0  # largest distance of a counterpart: a voxel of either scan plus noise [voxels]
+_SAMPLE = 2000  # points used to choose among the alternatives of a cyclic shift
+# psr per voxel of the grid's edge from which a peak's error is the quantization alone; that of lower peaks grows with
+# the inverse of their height.
 _CLEAR_PSR = 0.7
 _QUANTIZATION = 1.0 / 12.0  # variance of a number rounded to whole voxels or bins
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A rotation, the translation's peak under it, and the peak-to-sidelobe ratios of the steps before."""
+    """A rotation, its translation peak, and the peak-to-sidelobe ratios of the earlier steps."""
 
     R: Rotation  # R_target_source
     peak: Peak  # of the translation's correlation under it [voxels]
-    # yaw_psr, tilt_psr: of the peaks that yaw, and roll and pitch, were read from; 0 where there was none
+    # yaw_psr, tilt_psr: of the peaks that gave yaw, and roll and pitch; 0 if there was none
     yaw_psr: float
     tilt_psr: float
 
@@ -50,27 +50,27 @@ class Match:
 def differ(a: Match, b: Match, edge: int) -> bool:
     """Whether two matches on a grid of `edge` voxels are different answers."""
     turned = (a.R.inv() * b.R).magnitude() > _SAME_ROTATION
-    apart = (a.peak.shift - b.peak.shift + edge / 2) % edge - edge / 2  # a shift is known up to the grid's edge
+    apart = (a.peak.shift - b.peak.shift + edge / 2) % edge - edge / 2  # shifts are cyclic
     return bool(turned or np.linalg.norm(apart) > SAME_SHIFT)
 
 
 def assess(best: Match, rival: float, shared: float, max_tilt: float, grid: Grid) -> tuple[bool, str]:
-    """Whether to believe the best match, and the reason in words: by the peak-to-sidelobe ratio of the next best
-    answer, the share of points in common, 0..1, and the largest roll and pitch [rad], of which 3 degrees more are let
-    through."""
+    """Whether to accept the best match, and why: `rival` is the peak-to-sidelobe ratio of the next best answer,
+    `shared` the share of points in common, 0..1, and `max_tilt` the bound on roll and pitch [rad], with a tolerance of
+    3 degrees."""
     psr, least_psr = best.peak.psr, _LEAST_PSR * max(1.0, grid.edge / 128) ** 0.75
     if refusal := tilt_refusal(best.R, max_tilt):
         return False, refusal
     if psr < least_psr:
         words = f"no shift stands out: the translation's peak is {psr:.1f} standard deviations high"
-        return False, f"{words}; believed from {least_psr:.0f} on"
+        return False, f"{words}; wanted at least {least_psr:.0f}"
     if psr < _DISTINCTION * rival:
         return False, (
-            f"two answers fit alike: the translation's peak is {psr:.1f} standard deviations high and another answer's "
-            f"{rival:.1f}; believed from {_DISTINCTION:g} times as high on"
+            f"two answers fit: the translation's peak is {psr:.1f} standard deviations high and another answer's "
+            f"{rival:.1f}; wanted at least {_DISTINCTION:g} times as high"
         )
     if shared < _LEAST_OVERLAP:
-        return False, f"the scans share too little, {shared:.1%} of their points; believed from {_LEAST_OVERLAP:.0%} on"
+        return False, f"the scans share too little, {shared:.1%} of their points; wanted at least {_LEAST_OVERLAP:.0%}"
     return True, (
         f"the scans match: the translation's peak is {psr:.1f} standard deviations high, the next answer's "
         f"{rival:.1f}; {shared:.0%} of the points are shared"
@@ -78,7 +78,7 @@ def assess(best: Match, rival: float, shared: float, max_tilt: float, grid: Grid
 
 
 def overlap(device: Device, target: Prepared, source: Prepared, R_target_source: Rotation, shift: np.ndarray) -> float:
-    """The share of points, 0..1, one per voxel, with a counterpart in the other scan; the smaller of both directions.
+    """Share of points, 0..1, one per voxel, with a counterpart in the other scan; the smaller of both directions.
 
     p_target = R p_source + shift, both about the scans' grid centers [voxels].
     """
@@ -90,10 +90,10 @@ def overlap(device: Device, target: Prepared, source: Prepared, R_target_source:
 def unwrap(
     device: Device, target: Prepared, source: Prepared, R_target_source: Rotation, shift: np.ndarray, edge: int
 ) -> np.ndarray:
-    """The shift (3,) [voxels] that a cyclic one stands for: along each axis itself, or one edge less or more.
+    """The true shift (3,) [voxels] of a cyclic one, which is ambiguous by one edge along each axis.
 
-    Of the eight alternatives the one under which most points of the source have a counterpart; the given one where none
-    is better.
+    It is the one of the eight alternatives under which most points of the source have a counterpart, or the given shift
+    if none is better.
     """
     points = source.surface[:: max(1, len(source.surface) // _SAMPLE)]
     wrapped = shift - np.copysign(edge, shift)
@@ -102,7 +102,7 @@ def unwrap(
 
 
 def _shares_near(device: Device, scan: Prepared, points: np.ndarray, R: Rotation, shifts: np.ndarray) -> np.ndarray:
-    """(k,) shares of the points (n, 3), 0..1, with a point of the scan within 2 voxels under R and each of k shifts."""
+    """(k,) shares of points (n, 3), 0..1, with a point of the scan within 2 voxels under R and each of k shifts."""
     turns = np.repeat(R.as_matrix()[None], len(shifts), axis=0)
     distance, _ = find_nearest(device, scan.cells, upload_places(device, points), turns, shifts, _REACH)
     return np.isfinite(distance).mean(axis=1)
@@ -111,10 +111,10 @@ def _shares_near(device: Device, scan: Prepared, points: np.ndarray, R: Rotation
 def peak_covariance(
     peak: Peak, R_target_source: Rotation, center: np.ndarray, grid: Grid, bin_angle: float
 ) -> np.ndarray:
-    """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
+    """Covariance (6, 6) of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
 
-    Rotation and translation are independent about the source's grid center (3,) [m, its sensor frame]; the peak is in
-    the target's orientation [voxels], `bin_angle` the angle of one bin of the rotation's correlations [rad].
+    Rotation and translation are taken as independent about the source's grid center (3,) [m, its sensor frame]. The
+    peak is in the target's axes [voxels], `bin_angle` is the angle of one bin of the rotation's correlations [rad].
     """
     slack = max(1.0, _CLEAR_PSR * grid.edge / max(peak.psr, 1e-3)) ** 2
     width = peak_width(peak) * _QUANTIZATION * slack * grid.voxel**2
@@ -126,8 +126,8 @@ def peak_covariance(
 
 
 def peak_width(peak: Peak) -> np.ndarray:
-    """(3, 3) [voxels^2]: covariance of the Gaussian that fits the peak's neighborhood, by its logarithm's curvature; 3
-    voxels wide where the neighborhood does not fall off."""
+    """Covariance (3, 3) [voxels^2] of a Gaussian fitted to the peak by the curvature of its logarithm; at most 3 voxels
+    wide in any direction."""
     height = np.log(np.maximum(peak.neighborhood.astype(np.float64) / peak.value, 0.05))
     along = np.eye(3, dtype=int)
 
@@ -147,13 +147,13 @@ def peak_width(peak: Peak) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class HemisphereConfig:
-    """How to register two scans by `HemisphereRegistrar`.
+    """Configuration of `HemisphereRegistrar`.
 
     Attributes:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7).
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
-        centered: whether each scan's grid is centered on its points; else on the origin of its frame, and what lies
-            outside is lost, as where volumes are shifted out of their frame in the paper's Sect. 3.
+        centered: whether each scan's grid is centered on its points; else it is centered on the origin of its frame and
+            points outside are lost, as in the paper's Sect. 3.
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
@@ -167,21 +167,21 @@ class HemisphereConfig:
 
 @dataclass(frozen=True, slots=True)
 class LayeredScan:
-    """What one scan contributes to every pair."""
+    """What a scan contributes to all its pairs."""
 
-    volume: Prepared  # its spectrum
+    volume: Prepared  # voxels and spectrum
     magnitude: Array  # device (N, N, N/2 + 1) float32, centered magnitude spectrum
-    layers: LayerSpectra  # its layers' spectra, for the steps 1 and 4
+    layers: LayerSpectra  # whitened spectra of its layers, for steps 1 and 4
 
 
 class HemisphereRegistrar(GridRegistrar):
     """The paper's registration on one device and grid; any two scans it prepared can be registered."""
 
-    # The unwraps show one hemisphere: a tilt of 90 degrees would carry its pole to the rim.
+    # The unwraps show one hemisphere: a tilt of 90 degrees moves its pole to the rim [rad]
     _LARGEST_TILT = float(np.deg2rad(85.0))
 
     def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans; DeviceError where the device has too little memory."""
+        """Plan everything that does not depend on the scans; DeviceError if the device has too little memory."""
         self.config = config or HemisphereConfig()
         super().__init__(device, grid, memory_plan(grid.edge, "hemisphere"))
         self.hemisphere = Hemisphere(device, grid.edge)
@@ -189,18 +189,18 @@ class HemisphereRegistrar(GridRegistrar):
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
 
     def prepare(self, scan: Scan) -> LayeredScan:
-        """A scan's spectra and, for the steps 1 and 4, its layers; InputError where it shows too little structure."""
+        """A scan's spectra and, for steps 1 and 4, its layers; InputError if it shows too little structure."""
         volume, magnitude = self._preparer.prepare(scan)
         return LayeredScan(volume, magnitude, self.hemisphere.prepare(magnitude))
 
     def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
-        """T_target_source of two scans from `prepare`, and whether to believe it; without a probability."""
+        """T_target_source of two scans from `prepare`, with covariance and verdict but no probability."""
         start = perf_counter()
         best, *others = sorted(self._matches(target, source), key=lambda match: -match.peak.psr)
         return self._conclude(target, source, best, self._rival(target, source, best, others), start)
 
     def _matches(self, target: LayeredScan, source: LayeredScan) -> list[Match]:
-        """Steps 1 to 7, for the yaw of the highest peak and for its + 180 degrees."""
+        """Run steps 1 to 7 for the yaw of the highest peak and for this yaw + 180 degrees."""
         matches: list[Match] = []
         # Steps 1, 2: yaw from the rotational unwraps
         for yaw in self.hemisphere.yaws(target.layers, source.layers):
@@ -211,14 +211,14 @@ class HemisphereRegistrar(GridRegistrar):
             # Steps 6, 7: the translation, the scan turned back by all three angles
             peak = self._translation.find(target.volume, source.volume, R)
             matches.append(Match(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
-        # what the vehicle cannot do must not win; where nothing else is left, it is refused in the end
+        # drop matches beyond the bound on tilt; if all are, `assess` refuses the best of them
         return [match for match in matches if self._may_tilt(match.R)] or matches
 
     def _may_tilt(self, R_target_source: Rotation) -> bool:
         return bool(tilt_allowed(R_target_source, self.config.max_tilt))
 
     def _rival(self, target: LayeredScan, source: LayeredScan, best: Match, others: list[Match]) -> float:
-        """The peak-to-sidelobe ratio of the next best answer: the other yaw's, or another shift under the best."""
+        """Peak-to-sidelobe ratio of the next best answer: with the other yaw, or another shift under the best one."""
         ratios = [other.peak.psr for other in others if differ(best, other, self.grid.edge)]
         ratios += [peak.psr for peak in self._translation.find_others(target.volume, source.volume, best.R, SAME_SHIFT)]
         return max(ratios, default=0.0)
@@ -226,7 +226,7 @@ class HemisphereRegistrar(GridRegistrar):
     def _conclude(
         self, target: LayeredScan, source: LayeredScan, best: Match, rival: float, start: float
     ) -> Registration:
-        """The transform between the sensor frames, its uncertainty, and whether to believe it."""
+        """The registration between the sensor frames, with covariance and verdict."""
         voxel, R = self.grid.voxel, best.R
         voxels = unwrap(self.device, target.volume, source.volume, R, best.peak.shift, self.grid.edge)
         shift = target.volume.center + voxels * voxel - R.apply(source.volume.center)

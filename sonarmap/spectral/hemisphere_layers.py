@@ -1,7 +1,7 @@
 """The paper's rotation: hemisphere layers of the magnitude spectrum turn yaw, then roll and pitch, into shifts.
 
-Every estimate is of the rotation that is still missing: the source's spectrum is sampled along directions that are
-already turned by what is known of R_target_source, so that turning it back costs no second interpolation.
+Each step estimates the remaining rotation: the source's spectrum is sampled along directions turned by the part of
+R_target_source that is already known, so turning it back costs no second interpolation.
 """
 
 from collections.abc import Callable
@@ -27,22 +27,22 @@ from sonarmap.spectral.grid import image_edge
 
 # Sect. 2.8: radii of the layers, as shares of N/2; one layer per frequency bin.
 _LAYERS = (0.2, 0.8)
-# Sect. 2.5: the share of the radial axis of the 2D spectra that the yaw is read from.
+# Sect. 2.5: range of the radial axis of the 2D spectra that the yaw is estimated from.
 _RADIAL = (0.11, 0.45)
-# Standard deviations of the Gaussians that correlations are convolved with before a peak is looked for [bins]: the
-# unwraps distort a little, which spreads their peaks.
+# Standard deviations of the Gaussians that correlations are smoothed with before the peak search [bins]: distortion by
+# the unwraps spreads the peaks.
 _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5
-_YAW_BLUR_ANGLE = np.deg2rad(1.0)  # the least [rad]: distortion is an angle
-_LARGEST_IMAGE = 512
-_TILT_PEAKS = 4  # of roll and pitch that are searched for a possible rotation
-_TILT_SEPARATION = 3.0  # between these [bins]
+_YAW_BLUR_ANGLE = np.deg2rad(1.0)  # minimum of the yaw's [rad], as the distortion is an angle
+_LARGEST_IMAGE = 512  # [pixels]
+_TILT_PEAKS = 4  # peaks of roll and pitch to try until a rotation is allowed
+_TILT_SEPARATION = 3.0  # minimum distance between these peaks [bins]
 
 
 @dataclass(frozen=True, slots=True)
 class AngleEstimate:
-    """A rotation that is missing on the left of what was known, R_target_source = R R_known, and how far its peak is
-    above the mean of the correlation, psr [standard deviations]."""
+    """A rotation R with R_target_source = R R_known, and the peak-to-sidelobe ratio of its correlation peak [standard
+    deviations above the mean]."""
 
     R: Rotation
     psr: float
@@ -50,7 +50,7 @@ class AngleEstimate:
 
 @dataclass(frozen=True, slots=True)
 class LayerSpectra:
-    """What one scan's layers contribute to every pair: whitened spectra, on the device."""
+    """Whitened spectra of a scan's layers, on the device."""
 
     yaw: Array
     tilt: Array
@@ -92,12 +92,12 @@ class Hemisphere:
         return np.pi / self.images
 
     def prepare(self, magnitude: Array) -> LayerSpectra:
-        """The layers of one scan's centered magnitude spectrum (edge, edge, edge/2 + 1)."""
+        """Layers of a scan's centered magnitude spectrum (edge, edge, edge/2 + 1)."""
         return LayerSpectra(self._yaw_spectra(magnitude), self._tilt_spectra(magnitude, None))
 
     def yaw_correlation(self, target: LayerSpectra, source: LayerSpectra) -> np.ndarray:
-        """(bins,) float64 how well every yaw fits (Sect. 2.5): standard deviations above the mean of the correlation;
-        bin k is a yaw of k yaw_bin, and the same + 180 degrees."""
+        """(bins,) float64 correlation by yaw (Sect. 2.5), in standard deviations above its mean; bin k is the yaw
+        k yaw_bin, and also that + 180 degrees."""
         correlation = self._yaw_pomf.correlate_layers(target.yaw, source.yaw).get()
         # the true peak has no radial shift; sub-bin peaks may lie half a bin off
         row = correlation[[-1, 0, 1]].max(axis=0).astype(np.float64)
@@ -105,15 +105,15 @@ class Hemisphere:
         return (row - mean) / std if std > 0 else np.zeros_like(row)
 
     def yaws(self, target: LayerSpectra, source: LayerSpectra) -> tuple[AngleEstimate, AngleEstimate]:
-        """The highest yaw peak and its + 180 degrees: the magnitudes of the layers' 2D spectra repeat after these."""
+        """The yaw of the highest peak, and this + 180 degrees: magnitudes of 2D spectra have that period."""
         row = self.yaw_correlation(target, source)
         k = int(row.argmax())
         one, other = (Rotation.from_euler("Z", self._yaw_angle(row, k) + turn) for turn in (0.0, np.pi))
         return AngleEstimate(one, float(row[k])), AngleEstimate(other, float(row[k]))
 
     def tilt_correlation(self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation) -> Array:
-        """How well roll and pitch fit once R_known is applied (Sect. 2.6): device (images, images) float32, by cyclic
-        shifts of (pitch, -roll) in tilt_bin, zero at [0, 0]."""
+        """Correlation by the roll and pitch that remain after R_known (Sect. 2.6): device (images, images) float32, by
+        cyclic shifts of (pitch, -roll) in tilt_bin, zero at [0, 0]."""
         return self._tilt_pomf.correlate_layers(target.tilt, self._tilt_spectra(source_magnitude, R_known))
 
     def tilt(
@@ -124,11 +124,11 @@ class Hemisphere:
         limit: float,
         allowed: Callable[[Rotation], bool] = lambda R: True,
     ) -> AngleEstimate | None:
-        """Roll and pitch that are missing once R_known is applied (Sects. 2.6, 2.7), each within `limit` [rad].
+        """Roll and pitch that remain after R_known (Sects. 2.6, 2.7), each within `limit` [rad].
 
-        Both unwraps see a rotation about x and y as nearly the same shift; the rotation vector (roll, pitch, 0) about
-        the target's axes treats both alike. It is of the highest peak that makes an `allowed` R R_known, if there is
-        one.
+        A rotation about x and y is nearly the same shift in both unwraps, so the estimate is the rotation vector (roll,
+        pitch, 0) about the target's axes. It is that of the highest peak with an `allowed` R R_known; None if there is
+        none.
         """
         correlation = self.tilt_correlation(target, source_magnitude, R_known)
         bins = limit / self.tilt_bin
@@ -154,7 +154,7 @@ class Hemisphere:
     def _tilt_spectra(self, magnitude: Array, R_known: Rotation | None) -> Array:
         layers = len(self.radii)
         stack = self.device.empty((2 * layers, self.images, self.images))
-        # |B|(R^T k) is the source's spectrum turned by R
+        # |B|(R^T k) is the source's magnitude spectrum turned by R
         turn = None if R_known is None else R_known.inv().as_matrix()
         for part, directions in zip((stack[:layers], stack[layers:]), self._tilt_directions, strict=True):
             sample(self.device, magnitude, directions, self.radii, turn, out=part)
@@ -162,7 +162,7 @@ class Hemisphere:
         return self._tilt_pomf.prepare(stack)
 
     def _yaw_angle(self, row: np.ndarray, k: int) -> float:
-        """The angle of a peak of the yaw correlation, between bins by a parabola [rad]."""
+        """Angle of a peak of the yaw correlation [rad], interpolated between bins by a parabola."""
         left, middle, right = (float(row[(k + step) % len(row)]) for step in (-1, 0, 1))
         curvature = left - 2 * middle + right
         offset = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
@@ -170,12 +170,12 @@ class Hemisphere:
 
 
 def _radial_hann(edge: int) -> np.ndarray:
-    """(edge, edge) float32: Hann's window over the distance from the center of the unwrap, 0 at the rim and beyond."""
+    """Radial Hann window (edge, edge) float32 of the unwrap, 0 at the rim and beyond."""
     v = np.arange(edge) - edge / 2
     distance = np.hypot(*np.meshgrid(v, v, indexing="ij")) / (edge / 2)
     return (np.cos(np.pi / 2 * np.minimum(distance, 1.0)) ** 2).astype(np.float32)
 
 
 def _hann(length: int) -> np.ndarray:
-    """Hann window (length,), whose period is the length."""
+    """Periodic Hann window (length,)."""
     return np.sin(np.pi * np.arange(length) / length) ** 2

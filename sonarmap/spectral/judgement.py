@@ -1,4 +1,4 @@
-"""From all that was measured of a pair to its registration: how probable each place is, the pose, and the verdict."""
+"""The registration of a pair from its measured hypotheses: probabilities, covariance, and verdict."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -21,30 +21,30 @@ from sonarmap.spectral.verify.verifier import Observability
 
 @dataclass(frozen=True, slots=True)
 class Odds:
-    """Of K clues, each taken within the range of those that were fitted to, less their mean, over their deviation."""
+    """Quadratic logistic model of K clues, which are clipped to the range of the fitted data and standardized."""
 
     names: tuple[str, ...]  # of the clues
-    # low, high, mean, deviation: (K,) of each
+    # low, high, mean, deviation: (K,) of the fitted data
     low: np.ndarray
     high: np.ndarray
     mean: np.ndarray
     deviation: np.ndarray
     constant: float = 0.0
-    weights: np.ndarray | None = None  # (M,) of the clues, then of their products; None before a fit
+    weights: np.ndarray | None = None  # (M,) of the clues, then of their products; None before the fit
 
     @property
     def terms(self) -> list[str]:
-        """The names of the M terms, as in "psr" or "psr view"."""
+        """Names of the M terms, such as "psr" or "psr view"."""
         return [*self.names, *(" ".join(pair) for pair in combinations_with_replacement(self.names, 2))]
 
     def columns(self, clues: np.ndarray) -> np.ndarray:
-        """(N, M) the terms of (N, K) clues."""
+        """(N, M) terms of (N, K) clues."""
         x = (np.clip(clues, self.low, self.high) - self.mean) / self.deviation
         first, second = np.array(list(combinations_with_replacement(range(x.shape[1]), 2))).T
         return np.hstack([x, x[:, first] * x[:, second]])
 
     def of(self, clues: np.ndarray) -> np.ndarray:
-        """(N,) the log odds of (N, K) clues."""
+        """(N,) log odds of (N, K) clues."""
         return self.constant + self.columns(clues) @ self.weights
 
     def to_json(self) -> dict[str, Any]:
@@ -63,37 +63,37 @@ class Odds:
         return cls(tuple(table["clues"]), low, high, mean, deviation, table["constant"], weights)
 
 
-# A pose is fixed within these.
+# Largest errors of a fixed pose.
 _FIXED_TURN = float(np.deg2rad(6.0))  # [rad]
 _FIXED_SHIFT = 3.0  # [voxels]
-# Instruments bound a direction if they know it better than this; so does the motion of a vehicle that
-# turns at the ends of short lanes, which may be as unsure as 28 degrees while few steps are known.
+# Instruments bound a direction if their standard deviation is smaller than this. So may the predicted motion of a
+# vehicle that turns at the ends of short lanes: its sigma is up to 28 degrees while few steps are known.
 _KNOWN_TURN = float(np.deg2rad(30.0))  # [rad]
 _KNOWN_SHIFT = 16.0  # [voxels]
-_ALONE = 4.0  # the lead of a hypothesis without rivals, and the most that any has
+_ALONE = 4.0  # lead of a hypothesis without rivals, and largest lead
 
 
 @dataclass(frozen=True, slots=True)
 class Clues:
-    """What the probability of the best hypothesis is made of; all but `measured` are logarithms."""
+    """Inputs to the probability of the best hypothesis; all but `measured` are logarithms."""
 
-    psr: float  # of the translation's peak, as on a grid of 128 voxels: false peaks stand higher on larger grids
-    view: float  # of the consistency of the views; of the surfaces where there is no view
+    psr: float  # of the translation's peak, scaled to a grid of 128 voxels, as false peaks are higher on larger grids
+    view: float  # of the consistency of the views, or of the surfaces without a view
     surface: float  # of the consistency of the surfaces
-    sharpness: float  # of the inverse of how far the surfaces are apart
-    firmness: float  # of how firmly the planes hold the pose
+    sharpness: float  # of the inverse of the distance between the surfaces
+    firmness: float  # of the firmness with which the planes constrain the pose
     overlap: float  # of the share of points in common
-    lead: float  # of its score over the best of the others
-    rivals: float  # of how many hypotheses there are
-    search: float  # how few poses the instruments leave, so that a chance agreement is rarer; 0 without them
-    moved: float  # of how far the pose is from where nothing has moved
-    measured: float  # chi-squared of the pose by what instruments measured
-    openness: float  # of the standard deviation along the least sure direction
-    # slide_0, slide_1, slide_2: of the correlation beside the peak along each direction, the least fixed first
+    lead: float  # its score, which is a logarithm, minus the next best one
+    rivals: float  # of the number of hypotheses
+    search: float  # of the inverse of the share of poses that instruments leave, as chance agreement is rarer then
+    moved: float  # of the distance between the pose and the identity
+    measured: float  # chi-squared of the pose by the instruments
+    openness: float  # of the standard deviation along the least certain direction
+    # slide_0, slide_1, slide_2: of the correlation beside the peak along each direction, the least constrained first
     slide_0: float
     slide_1: float
     slide_2: float
-    # turn_0, turn_1: likewise of the peak under turns
+    # turn_0, turn_1: of the peak's height under turns about the two least constrained axes
     turn_0: float
     turn_1: float
 
@@ -108,10 +108,10 @@ _TWIN = FITTED["probability"]["twin"]
 def clues(
     hypotheses: Sequence[Hypothesis], seen: Observability, covariance: np.ndarray, grid: Grid, search: float = 0.0
 ) -> Clues:
-    """What speaks for the first and best hypothesis, measured on the whole grid, in the light of all of the pair.
+    """Clues of the best hypothesis, which is the first; all are measured on the whole grid.
 
-    Scans were `seen` to agree there so sharply; the covariance (6, 6) is the best's, rotation first [rad, m]; `search`
-    is the logarithm, base 10, of the share of all poses that instruments leave.
+    `seen` and the covariance (6, 6), rotation first [rad, m], are those of the best; `search` is the logarithm, base
+    10, of the share of all poses that instruments leave.
     """
     evidence = hypotheses[0].evidence
     lead = min((hypotheses[0].score - rival.score for rival in hypotheses[1:]), default=_ALONE)
@@ -138,27 +138,27 @@ def clues(
 
 
 def place_probabilities(hypotheses: Sequence[Hypothesis], given: Clues) -> list[float]:
-    """That each hypothesis, the best first, names the right place, 0..1; their sum is below 1.
+    """Probability that each hypothesis, best first, has the right place, 0..1; their sum is below 1.
 
-    The scans show one place clearly, logistic in the clues; it is shared by the scores: 1/2 each for exact twins.
+    The sum is the logistic function of the clues, divided among hypotheses by score: 1/2 each for exact twins.
     """
     clear = expit(_ODDS.of(np.array([list(asdict(given).values())])))
     return (clear * shares(hypotheses)).tolist()
 
 
 def shares(hypotheses: Sequence[Hypothesis]) -> np.ndarray:
-    """(n,) which share of the probability each hypothesis has, by the scores alone."""
+    """(n,) share of each hypothesis in the total probability, by the scores alone."""
     scores = np.array([hypothesis.score for hypothesis in hypotheses])
     weights = np.exp(_TWIN * (scores - scores.max()))
     return weights / weights.sum()
 
 
 def fixed_probability(covariance: np.ndarray, voxel: float, instruments: np.ndarray | None = None) -> float:
-    """That a pose is within 6 degrees and 3 voxels of the truth, 0..1, where its place is the right one.
+    """Probability that a pose is within 6 degrees and 3 voxels of the truth, 0..1, given the right place.
 
-    Turn and shift are each taken along their least sure direction. Where instruments bound that direction, as
-    navigation does over a flat bed, an error of three of their standard deviations is none either. Covariances are (6,
-    6), rotation first [rad, m], that of `instruments` by these alone; the voxel is in meters.
+    Turn and shift are each taken along their least certain direction. If instruments bound that direction, as
+    navigation does over a flat bed, errors up to three of their standard deviations are allowed. Covariances are (6,
+    6), rotation first [rad, m], `instruments` that by instruments alone; the voxel is in meters.
     """
     probability = 1.0
     turn = (slice(0, 3), _FIXED_TURN, _KNOWN_TURN)
@@ -173,10 +173,10 @@ def fixed_probability(covariance: np.ndarray, voxel: float, instruments: np.ndar
 
 
 def explain(hypothesis: Hypothesis, probability: float, least: float, fixed: bool) -> str:
-    """The evidence for a hypothesis in words, and why it is believed or not from a probability of `least` on."""
+    """The evidence for a hypothesis, and its verdict with `least` as the threshold of the probability, in words."""
     verdict = "the scans match" if probability >= least else "the scans do not clearly match"
-    threshold = "" if probability >= least else f", believed from {least:.0%} on"
-    opened = "" if fixed else "; but the pose is open there, as along a wall: the covariance says in which direction"
+    threshold = "" if probability >= least else f", wanted at least {least:.0%}"
+    opened = "" if fixed else "; but one direction of the pose is unconstrained, as along a wall: see the covariance"
     return (
         f"{verdict}; right with a probability of {probability:.1%}{threshold}: the translation's peak is "
         f"{hypothesis.evidence.psr:.1f} standard deviations high, the views agree to "
@@ -184,17 +184,17 @@ def explain(hypothesis: Hypothesis, probability: float, least: float, fixed: boo
     )
 
 
-# Another hypothesis at least this probable is kept beside the best.
+# Minimum probability of an alternative.
 _POSSIBLE = 0.01
 
 
 def conclude(
     pair: PairFrames, hypotheses: Sequence[Hypothesis], seen: Observability, least: float, voxel: float
 ) -> Registration:
-    """The registration: the best hypothesis, the first, and beside it every other that cannot be excluded.
+    """The registration by the best hypothesis, which is the first; others that cannot be excluded are alternatives.
 
-    It is accepted where its place has a probability of `least` or more, and its pose is fixed there, as the survey's
-    voxel [m] has it, on whichever grid the pair is. The best was `seen` so.
+    It is accepted if its place has at least the probability `least` and its pose is fixed, in units of the survey's
+    voxel [m], whichever grid the pair is on. `seen` is the observability at the best.
     """
     T = [pair.transform(hypothesis.fit) for hypothesis in hypotheses]
     search = pair.bounds.search(pair.grid.extent)
@@ -217,10 +217,10 @@ def judge(
     grid: Grid,
     search: float,
 ) -> tuple[list[int], list[float], Clues]:
-    """Which of the hypotheses, the best first, are answers of their own, how probable each, and by which clues.
+    """Indices of the distinct hypotheses, best first, their probabilities, and the clues.
 
-    What lies within the uncertainty of the best is no other answer: along a bed that leaves a direction open, or that
-    instruments alone bound, the scans fit at many places. T is of each hypothesis; the rest as of `clues`.
+    Hypotheses within the uncertainty of the best are dropped: over a bed that leaves a direction unconstrained, or
+    bounded by instruments alone, the scans fit at many places. T has the pose of each; for the rest see `clues`.
     """
     kept = [n for n, other in enumerate(T) if n == 0 or not covers(covariance, T[0], other)]
     distinct = [hypotheses[n] for n in kept]
@@ -231,7 +231,7 @@ def judge(
 def _registration(
     pair: PairFrames, hypothesis: Hypothesis, covariance: PoseCovariance, probability: float, least: float, voxel: float
 ) -> Registration:
-    """One hypothesis, right with this probability, as a registration between the sensor frames."""
+    """One hypothesis, with its probability, as a registration between the sensor frames."""
     fit, evidence = hypothesis.fit, hypothesis.evidence
     T, measured = pair.transform(fit), fit.prior is not None
     refusal = pair.bounds.refusal(T)
@@ -260,7 +260,7 @@ def _registration(
 
 
 def no_candidates(extent: float) -> Registration:
-    """The answer where the bound on tilt and priors leave no candidate; nothing is known within an extent [m]."""
+    """A refused registration if tilt bound and priors leave no candidate; `extent` [m] is the sigma of the shift."""
     return Registration(
         T_target_source=RigidTransform.identity(),
         covariance=np.diag(np.repeat([np.pi, extent], 3) ** 2),
@@ -268,7 +268,7 @@ def no_candidates(extent: float) -> Registration:
         overlap=0.0,
         accepted=False,
         seconds=0.0,
-        reason="no pose that the bound on tilt and the scans' priors allow brings the scans together",
+        reason="no pose within the bound on tilt and the scans' priors aligns the scans",
         probability=0.0,
     )
 

@@ -1,4 +1,4 @@
-"""What the priors of two scans say about their relative pose: how far a pose is from it, and which they allow."""
+"""The priors of two scans as a constraint on their relative pose: residuals, covariances and bounds."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.geometry import cross_matrices, level_covariance, measured_rotation, rotation_covariance, twist
 from sonarmap.spectral.scan import PosePrior
 
-# Standard deviations within which a rotation or a shift is allowed.
+# Bound on rotations and shifts [standard deviations]
 _ALLOWED_SIGMAS = 4.0
 # Largest roll and pitch of a scan whose attitude is not measured [rad], the paper's range (Sect. 2.7)
 UNMEASURED_TILT = np.deg2rad(35.0)
-# What roll and pitch can add to the turn of one scan about the vertical [rad], beyond yaw in Rz(yaw) Ry(pitch) Rx(roll)
+# Largest difference between yaw, in Rz(yaw) Ry(pitch) Rx(roll), and the turn about the vertical of one scan [rad]
 _ONE_UNMEASURED = 2 * np.arctan(np.tan(UNMEASURED_TILT / 2) ** 2)
-# and to the turn between two such scans: two tilts after each other turn about the vertical besides
+# and of two such scans [rad]: two tilts in a row also turn about the vertical
 _TILT = np.arccos(np.cos(UNMEASURED_TILT) ** 2)
 _TWO_UNMEASURED = 2 * _ONE_UNMEASURED + 2 * np.arcsin(np.tan(_TILT / 2) ** 2)
 
@@ -23,11 +23,11 @@ _TWO_UNMEASURED = 2 * _ONE_UNMEASURED + 2 * np.arcsin(np.tan(_TILT / 2) ** 2)
 class RelativePrior:
     """The priors of a pair, in one world; made by `relative_prior`.
 
-    With both attitudes the relative rotation is known but for a turn about the world's vertical, `R_target_source =
-    R_world_target^-1 Rz(any) R_world_source`, with both headings wholly. A heading without an attitude bounds the yaw
-    alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded in the world's axes.
-    Which way these point in the target's frame is known from the target's prior, or, where the source's knows more,
-    from that and R_target_source. Without any attitude only the length of the shift is bounded.
+    Both attitudes determine the relative rotation up to a turn about the world's vertical, `R_target_source =
+    R_world_target^-1 Rz(any) R_world_source`; with both headings it is known in full. Headings without both attitudes
+    bound the yaw alone, widened by the effect of roll and pitch up to `UNMEASURED_TILT`. The shift is bounded in the
+    world's axes, whose directions in the target's frame follow from the target's prior, or, if the source's measures
+    more, from that and R_target_source. Without any attitude only the length of the shift is bounded.
 
     Attributes:
         target, source: the priors of both scans.
@@ -38,12 +38,12 @@ class RelativePrior:
 
     @property
     def knows_tilt(self) -> bool:
-        """Whether the relative rotation is known but for a turn about the vertical."""
+        """Whether the relative rotation is measured up to a turn about the vertical."""
         return self.target.knows_attitude and self.source.knows_attitude
 
     @property
     def knows_heading(self) -> bool:
-        """Whether the turn about the vertical is bounded: narrowly with `knows_tilt`, else widely."""
+        """Whether the turn about the vertical is bounded: more widely without `knows_tilt`."""
         return self.target.knows_heading and self.source.knows_heading
 
     @property
@@ -58,31 +58,30 @@ class RelativePrior:
 
     @property
     def R_target_source(self) -> Rotation | None:
-        """The measured relative rotation; None where attitude and heading are not known in both scans."""
+        """The measured relative rotation; None unless attitude and heading are measured for both scans."""
         if not (self.knows_tilt and self.knows_heading):
             return None
         return self.target.T_world_sensor.rotation.inv() * self.source.T_world_sensor.rotation
 
     @property
     def measures(self) -> bool:
-        """Whether anything is measured in full, and `residuals` counts it."""
+        """Whether `residuals` has any component."""
         return bool(self._known(self.source if self._is_backward else self.target).any())
 
     def normalized(self, T_target_source: RigidTransform) -> tuple[float, int]:
-        """Chi-squared of a relative pose by what was measured, and its degrees of freedom: (0.0, 0) where that is
-        nothing."""
+        """Chi-squared of a relative pose's `residuals`, and its degrees of freedom; (0.0, 0) without any."""
         one = RigidTransform.concatenate([T_target_source])
         residual, covariance = self.residuals(one)[0], self.residual_covariance(one)[0]
         return float(residual @ np.linalg.solve(covariance, residual)), len(residual)
 
     def residuals(self, T_target_source: RigidTransform) -> np.ndarray:
-        """What relative poses differ by from what was measured, in the world's axes.
+        """Differences of relative poses from the measurement, in the world's axes.
 
-        Counted are the tilt (2) and the turn (1) where both attitudes are known, the height (1) where an attitude is
-        known, and the horizontal shift (2) where a heading is known with it. What only bounds is not counted.
+        Tilt (2 components) and turn (1) need both attitudes, height (1) needs an attitude, and the horizontal shift (2)
+        also a heading. Measurements that only bound the pose have no residual.
 
         Returns:
-            Of a stack of N (N, k) [rad, m], in the order tilt, tilt, turn, East, North, Up; k <= 6 are measured.
+            (N, k) of N poses [rad, m], the k <= 6 measured components of tilt, tilt, turn, East, North, Up.
         """
         if self._is_backward:
             return RelativePrior(self.source, self.target).residuals(T_target_source.inv())
@@ -92,8 +91,8 @@ class RelativePrior:
         return residual[:, self._known(self.target)]
 
     def residual_covariance(self, T_target_source: RigidTransform) -> np.ndarray:
-        """The covariance (N, k, k) of N relative poses' `residuals`, each as if it were the true pose. An error of the
-        attitude that turns the scan and its shift alike is counted once."""
+        """Covariance (N, k, k) of the `residuals` of N relative poses, each taken for the true pose. It includes the
+        correlation of rotation and shift by the error of the target's attitude."""
         if self._is_backward:
             return RelativePrior(self.source, self.target).residual_covariance(T_target_source.inv())
         _, turn = self._turn(T_target_source.rotation)
@@ -109,8 +108,8 @@ class RelativePrior:
         return covariance[:, known][:, :, known]
 
     def residual_jacobian(self, T_target_source: RigidTransform) -> np.ndarray:
-        """How N relative poses' `residuals` change, (N, k, 6), to first order, with a turn w and a shift s in the
-        target's axes, rotation first [rad, m]: R <- Exp(w) R, t <- t + s."""
+        """Jacobian (N, k, 6) of the `residuals` of N relative poses by a turn w and a shift s in the target's axes,
+        rotation first [rad, m]: R <- Exp(w) R, t <- t + s."""
         jacobian = np.zeros((len(T_target_source), 6, 6))
         if self._is_backward:
             R_world_target = (measured_rotation(self.source) * T_target_source.rotation.inv()).as_matrix()
@@ -122,36 +121,36 @@ class RelativePrior:
 
     @property
     def _is_backward(self) -> bool:
-        """Whether the source's prior knows better than the target's which way is up, and north."""
+        """Whether the source's prior measures more of its orientation than the target's."""
         return self._reference(Rotation.identity())[0] is not self.target
 
     @property
     def _sigmas(self) -> np.ndarray:
-        """(6,) of the differences [rad, m]."""
+        """(6,) standard deviations of the differences between both priors [rad, m]."""
         return np.hypot(self.target.sigmas, self.source.sigmas)
 
     @property
     def _shift(self) -> np.ndarray:
-        """(3,) measured way from the target to the source [m, world]."""
+        """(3,) measured shift from the target to the source [m, world]."""
         return self.source.T_world_sensor.translation - self.target.T_world_sensor.translation
 
     def _known(self, reference: PosePrior) -> np.ndarray:
-        """(6,) bool: which of tilt, tilt, turn, East, North and Up are measured in full."""
+        """(6,) bool, which of tilt, tilt, turn, East, North and Up have a residual."""
         turned = self.knows_tilt and self.knows_heading
         leveled = self.knows_depth and reference.knows_attitude
         headed = self.knows_position and reference.knows_attitude and reference.knows_heading
         return np.array([self.knows_tilt, self.knows_tilt, turned, headed, headed, leveled])
 
     def _turn(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray]:
-        """What is left of a rotation in the world, R_world_target R R_world_source^-1 = S Rz(turn): (N, 2) rotation
-        vectors of S, whose axes are level, and (N,) turns within pi [rad]."""
+        """Difference of a rotation from the measured one, R_world_target R R_world_source^-1 = S Rz(turn): (N, 2)
+        rotation vectors of S, whose axes are level, and (N,) turns within pi [rad]."""
         R = Rotation.from_quat(np.atleast_2d(R_target_source.as_quat()))
-        left = measured_rotation(self.target) * R * measured_rotation(self.source).inv()
-        turn = twist(left)
-        return (left * Rotation.from_euler("Z", turn[:, None]).inv()).as_rotvec()[:, :2], turn
+        difference = measured_rotation(self.target) * R * measured_rotation(self.source).inv()
+        turn = twist(difference)
+        return (difference * Rotation.from_euler("Z", turn[:, None]).inv()).as_rotvec()[:, :2], turn
 
     def _reference(self, R_target_source: Rotation) -> tuple[PosePrior, Rotation]:
-        """The prior that knows better which way is up, and north; and R_world_target by it."""
+        """The prior that measures more of its orientation, and R_world_target by it."""
 
         def worth(prior: PosePrior) -> tuple[bool, bool]:
             return prior.knows_attitude, prior.knows_attitude and prior.knows_heading
@@ -161,37 +160,37 @@ class RelativePrior:
         return self.target, measured_rotation(self.target)
 
     def _lever(self, d: np.ndarray, reference: PosePrior) -> np.ndarray:
-        """(..., 3) [m] what an error of the reference's rotation acts on: halfway from the measured shift to d, where a
-        turn moves the one to the other at right angles; d itself where nothing is measured."""
+        """(..., 3) [m] lever of an error of the reference's rotation: the middle of the measured shift and d,
+        perpendicular to their difference if a turn made it; d itself for components that are not measured."""
         headed = self.knows_position and reference.knows_heading
         return np.where([headed, headed, self.knows_depth], (d + self._shift) / 2, d)
 
     @property
     def tilt_sigma(self) -> float:
-        """Standard deviation of the relative tilt about its least sure axis [rad]; inf where it is not known."""
+        """Standard deviation of the relative tilt about its least certain axis [rad]; inf if not measured."""
         return float(self._sigmas[:2].max())
 
     @property
     def turn_reach(self) -> float:
-        """How far the turn about the vertical may be from the measured one [rad]; pi where it is not known."""
+        """Largest difference of the turn about the vertical from the measured one [rad]; pi if not measured."""
         return min(float(_ALLOWED_SIGMAS * self._sigmas[2]), np.pi) if self.knows_heading else np.pi
 
     @property
     def shift_reach(self) -> np.ndarray:
-        """(3,) how far the shift may be from the measured along East, North and Up [m]; inf where it is not known."""
+        """(3,) largest difference from the measured shift along East, North and Up [m]; inf if not measured."""
         known = np.array([self.knows_position and self.knows_heading] * 2 + [self.knows_depth])
         return np.where(known, _ALLOWED_SIGMAS * self._sigmas[3:], np.inf)
 
     def turned(self, turns: np.ndarray, tilts: np.ndarray) -> Rotation:
-        """The measured R_target_source turned about the vertical and tilted about level axes, where `knows_tilt`: n m
-        rotations, turn by turn, of (n,) turns [rad] and (m, 2) tilts, rotation vectors about East and North [rad]."""
+        """The measured R_target_source with (n,) turns about the vertical [rad] and (m, 2) tilts, rotation vectors
+        about East and North [rad]: n m rotations, turn by turn. Needs `knows_tilt`."""
         about = Rotation.from_euler("Z", np.repeat(turns, len(tilts))[:, None])
         tilted = Rotation.from_rotvec(np.tile(np.column_stack([tilts, np.zeros(len(tilts))]), (len(turns), 1)))
         return measured_rotation(self.target).inv() * tilted * about * measured_rotation(self.source)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Center (3,) and half widths (3,) [m] of where the source's origin may be in the target's axes, within 4
-        standard deviations; None where not all three directions are measured."""
+        """Center (3,) and half widths (3,) [m] of the box of 4 standard deviations that holds the source's origin, in
+        the target's axes; None unless all three directions are measured."""
         if self._is_backward or not self._known(self.target)[3:].all():
             return None
         R_world_target = measured_rotation(self.target)
@@ -202,8 +201,8 @@ class RelativePrior:
         return t, _ALLOWED_SIGMAS * np.sqrt(np.diag(turn.T @ covariance @ turn))
 
     def allows(self, R_target_source: Rotation, slack: float = 0.0) -> np.ndarray:
-        """Whether each of a stack of rotations, or one, agrees with attitudes and headings within 4 standard deviations
-        and a slack [rad], of the tilt and again of the turn about the vertical."""
+        """Whether a rotation, or each of a stack, agrees with attitudes and headings within 4 standard deviations and a
+        slack [rad]; tilt and turn about the vertical are tested separately."""
         tilt, turn = self._turn(R_target_source)
         allowed = np.ones(len(turn), dtype=bool)
         if self.knows_tilt:
@@ -217,11 +216,11 @@ class RelativePrior:
 
     def allows_shift(self, t: np.ndarray, R_target_source: Rotation, slack: float = 0.0) -> np.ndarray:
         """Whether translations (3,) or (N, 3) [m], T_target_source.translation, agree with depths and positions within
-        4 standard deviations and a slack [m], in height and again horizontally.
+        4 standard deviations and a slack [m]; height and horizontal shift are tested separately.
 
-        The error of the attitude and heading that turn the shift into the world counts too: it grows with the shift.
-        R_target_source, one or a stack of N, counts where the source knows better than the target which way is up, or
-        north.
+        The error of the attitude and heading that turn the shift into the world is included: it grows with the shift.
+        R_target_source, one or a stack of N, is used if the source's prior measures more of its orientation than the
+        target's.
         """
         reference, R_world_target = self._reference(R_target_source)
         d = np.atleast_2d(R_world_target.apply(t))
@@ -241,7 +240,7 @@ class RelativePrior:
         return np.abs(d[:, 2] - self._shift[2]) <= _ALLOWED_SIGMAS * np.sqrt(self._sigmas[5] ** 2 + by_tilt) + slack
 
     def _allows_horizontal(self, d: np.ndarray, reference: PosePrior, slack: float) -> np.ndarray:
-        """In both axes where the heading is known, else by the distance alone."""
+        """Test both axes if the heading is measured, else the distance alone."""
         if not self.knows_position:
             return np.ones(len(d), dtype=bool)
         quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -257,7 +256,7 @@ class RelativePrior:
         return _within(d[:, :2] - self._shift[:2], covariance, slack)
 
     def _allows_length(self, length: np.ndarray, slack: float) -> np.ndarray:
-        """Lengths (N,) [m] by all of the measured shift, or at least as long as the part of it that is measured."""
+        """Test lengths (N,) [m] against the measured shift; if it is measured in part, only from below."""
         known = np.isfinite(self._sigmas[3:])
         if not known.any():
             return np.ones(len(length), dtype=bool)
@@ -267,10 +266,10 @@ class RelativePrior:
 
 
 def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None:
-    """What two scans' priors say about T_target_source; None where they bound nothing.
+    """Constraint of two scans' priors on T_target_source; None if they do not bound it.
 
     Args:
-        target, source: the scans' `prior`, None where they have none.
+        target, source: the scans' `prior`, or None.
     """
     if target is None or source is None:
         return None
@@ -280,7 +279,7 @@ def relative_prior(target: PosePrior | None, source: PosePrior | None) -> Relati
 
 
 def _within(offsets: np.ndarray, covariance: np.ndarray, slack: float) -> np.ndarray:
-    """(N,) bool: which of (N, 2) offsets, shortened by the slack, lie in the ellipse of 4 standard deviations."""
+    """(N,) bool, which of (N, 2) offsets, shortened by the slack, lie in the ellipse of 4 standard deviations."""
     length = np.linalg.norm(offsets, axis=1, keepdims=True)
     offsets = offsets * (np.maximum(length - slack, 0.0) / np.where(length > 0, length, 1.0))
     (a, b), (_, c) = np.moveaxis(np.broadcast_to(covariance, (len(offsets), 2, 2)), 0, -1)

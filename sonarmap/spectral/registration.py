@@ -1,4 +1,4 @@
-"""The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
+"""The spectral registration of two scans: rotations from all of SO(3), each verified and refined."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -37,15 +37,15 @@ from sonarmap.spectral.verify.verifier import Observability, Verifier
 
 @dataclass(frozen=True, slots=True)
 class SpectralConfig:
-    """How to register two scans by `SpectralRegistrar`.
+    """Configuration of `SpectralRegistrar`.
 
     Attributes:
-        max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
-        hypotheses: how many distinct rotations of each of three bands of layers are followed; where the attitude is
-            known four times as many turns.
-        shortlist: how many of the poses that these lead to are refined.
-        finalists: how many of them are compared on the whole grid, with as many others that only it shows.
-        least_probability: from which probability of its place on a registration is accepted.
+        max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for no bound.
+        hypotheses: number of distinct rotations to follow from each of three bands of layers; if the attitude is
+            known, four times this number of turns.
+        shortlist: largest number of candidate poses to refine.
+        finalists: number of refined poses to compare on the whole grid, with at most as many that only it shows.
+        least_probability: probability of the place from which a registration is accepted.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
     """
 
@@ -70,7 +70,7 @@ class SpectralRegistrar(GridRegistrar):
     """Spectral registration on one device and grid; any two scans it prepared can be registered."""
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans; DeviceError where the device has too little memory."""
+        """Plan everything that does not depend on the scans; DeviceError if the device has too little memory."""
         self.config = config or SpectralConfig()
         super().__init__(device, grid, memory_plan(grid.edge))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
@@ -79,12 +79,12 @@ class SpectralRegistrar(GridRegistrar):
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         second = second_edge(grid.edge)
         plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), self.config)
-        self._plan_second = None if plan is None else cache(plan)  # when a pair is first looked at again
-        self._voxel_of_survey: float | None = None  # [m], of the first look; None where this is it
+        self._plan_second = None if plan is None else cache(plan)  # run at the first coarse-grid retry
+        self._voxel_of_survey: float | None = None  # [m], set in a retry's registrar only
 
     def prepare(self, scan: Scan) -> SpectralScan:
-        """A scan's spectra, its layers' harmonics, its surface and its view; InputError where it shows too little."""
-        # all that the device can do is queued before anything is read
+        """A scan's spectra, its layers' harmonics, its surface and its view; InputError if structure is lacking."""
+        # queue all work of the device before the first read
         volume, magnitude = self._preparer.prepare(scan)
         analyzed = self.so3.analyze(magnitude)
         coarse = self._coarsen(volume)
@@ -107,9 +107,9 @@ class SpectralRegistrar(GridRegistrar):
         )
 
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
-        """T_target_source of two scans from `prepare`, how probable it is, and whether to believe it.
+        """T_target_source of two scans from `prepare`, with its covariance, probability and verdict.
 
-        Where the bound on tilt and the priors leave no candidate, the identity with unknown covariance, not accepted.
+        If the bound on tilt and the priors leave no candidate, the result is a refused identity of huge covariance.
         """
         return self._register(target, source, self._bounds(target, source))
 
@@ -118,8 +118,9 @@ class SpectralRegistrar(GridRegistrar):
         return replace(self._found(target, source, bounds), seconds=perf_counter() - start)
 
     def _found(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
-        """The answer; where its place is not believed, that of the second look if it is the more probable one. Larger
-        voxels know the pose no better where both find the same place."""
+        """The registration, or that of the coarse-grid retry if the first is refused and the retry is more probable.
+
+        If both find the same place, the pose is that of the fine grid: larger voxels do not make it more accurate."""
         first = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
         if first.probability >= self.config.least_probability:
             return first
@@ -133,18 +134,18 @@ class SpectralRegistrar(GridRegistrar):
         return replace(merged, accepted=believed and first.is_fixed, reason=second.reason)
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
-        """The answer on the coarser grid; None if there is none, or if a scan shows too little on it."""
+        """The registration on the coarser grid; None without one, or if a scan shows too little structure on it."""
         registrar = self._second
         if registrar is None or (ours := target.second()) is None or (theirs := source.second()) is None:
             return None
         scans = replace(ours, prior=target.prior), replace(theirs, prior=source.prior)
         found = registrar._found(*scans, replace(bounds, voxel=registrar.grid.voxel * registrar._verifier.coarser))
-        reason = f"with voxels of {registrar.grid.voxel:.3g} m, which noise and gaps hide less: {found.reason}"
+        reason = f"on the coarser grid, with voxels of {registrar.grid.voxel:.3g} m: {found.reason}"
         return replace(found, reason=reason)
 
     @property
     def _second(self) -> "SpectralRegistrar | None":
-        """For the grid of the second look; None if there is none."""
+        """The registrar of the coarse-grid retry; None if the grid is not fine enough to retry."""
         if self._plan_second is None:
             return None
         planned = self._plan_second()
@@ -153,37 +154,36 @@ class SpectralRegistrar(GridRegistrar):
         return second
 
     def _prepare_second(self, scan: Scan) -> SpectralScan | None:
-        """The scan for the second look; None where it shows too little on a coarser grid, as a low relief does."""
+        """The scan on the grid of the retry; None if it shows too little structure there, as a low relief does."""
         if (registrar := self._second) is None:
             return None
         with suppress(InputError):
             return registrar.prepare(scan)
 
     def _answer(self, test: HypothesisTest) -> Registration:
-        # 1. rotations under which the magnitude spectra are alike
+        # 1. rotations under which the magnitude spectra agree
         rotations = self._rotations(test.target, test.source, test.bounds)
         if not len(rotations.scores):
             return no_candidates(self.grid.extent)
-        # 2. places where the scan would lie under each
+        # 2. shifts of the source under each rotation
         candidates = test.find_candidates(rotations)
         if not len(candidates.psr):
             return no_candidates(self.grid.extent)
-        # 3. the best of these by what the scans saw, refined, and others that the whole grid names
+        # 3. the candidates that agree best with the views, refined, and others from the whole grid
         finalists = test.refine_candidates(candidates, self.config.shortlist)[: self.config.finalists]
         hypotheses = finalists + test.find_missed(finalists)
         hypotheses += test.find_alike(hypotheses)
-        # 4. all compared on the whole grid, the best refined to the end, and how sharply the scans agree there
+        # 4. all compared on the whole grid, the best fully refined, and its correlation peak sampled along directions
         hypotheses = test.conclude(hypotheses)
         seen = self._verifier.observe_directions(test.target, test.source, hypotheses[0].fit).read()
-        # 5. how probable each is, and how sure its pose
+        # 5. probabilities and covariances
         return self._conclude(test, hypotheses, seen)
 
     def register_expected(self, target: SpectralScan, source: SpectralScan, expected: ExpectedPose) -> Registration:
-        """Find T_target_source about where the vehicle's motion expects it, which counts as a measurement.
+        """Register two scans near the pose that the vehicle's motion predicts, used as a measurement beside the priors.
 
-        It also says how far the scans are tilted, so the bound on roll and pitch does not count: two that look ahead
-        and down, in opposite directions, are tilted by twice as much as each. What their instruments measured counts
-        too.
+        The prediction bounds the tilt, so `max_tilt` does not apply: two scans that look ahead and down in opposite
+        directions are tilted to each other by twice the tilt of each.
         """
         ours, theirs = expected.priors(target.prior, source.prior)
         target, source = replace(target, prior=ours), replace(source, prior=theirs)
@@ -191,12 +191,12 @@ class SpectralRegistrar(GridRegistrar):
 
     @staticmethod
     def signature(prepared: SpectralScan) -> np.ndarray:
-        """(K,) float32, nearly the same however the scan's points are turned and moved; for a `PlaceIndex`."""
+        """(K,) float32, nearly invariant to rotations and shifts of the scan's points; for a `PlaceIndex`."""
         return prepared.signature
 
     def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
-        """Those under which the spectra are most alike: of turns about the vertical at the measured tilt, where
-        instruments know it in both scans; else of all rotations, and the measured one besides, if there is one."""
+        """Rotations under which the spectra agree best, among turns about the vertical if both attitudes are measured,
+        else among all; then the measured rotation, if there is one, is appended."""
         count, coefficients = self.config.hypotheses, (target.coefficients, source.coefficients)
         if (sweep := bounds.sweep) is not None:
             return self.so3.best_of(*coefficients, sweep, 4 * count)
@@ -210,7 +210,7 @@ class SpectralRegistrar(GridRegistrar):
         return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), voxel)
 
     def _conclude(self, test: HypothesisTest, hypotheses: Sequence[Hypothesis], seen: Observability) -> Registration:
-        """The registration, from all that was measured of its hypotheses and, of the best, along its directions."""
+        """The registration with its probability, from the hypotheses and the observability of the best one."""
         voxel = self._voxel_of_survey or self.grid.voxel
         return conclude(test, hypotheses, seen, self.config.least_probability, voxel)
 

@@ -1,4 +1,4 @@
-"""The result of a registration, and what a method of registration is."""
+"""The result of a registration, and the protocol of a registration method."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sonarmap.spectral.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """One scan registered to another: the transform, how sure it is, and whether to believe it.
+    """One scan registered to another: the transform, its covariance and probability, and the verdict.
 
     Attributes:
         T_target_source: p_target = T_target_source p_source, both in their sensor frames [m].
@@ -22,17 +22,17 @@ class Registration:
             the source side, the order and side of gtsam.Pose3.
         psr: peak-to-sidelobe ratio of the translation: standard deviations of the peak above the mean;
             NaN from methods without a correlation.
-        overlap: the share of points with a counterpart in the other scan, 0..1 (the smaller of both ways).
-        accepted: whether to believe it.
-        seconds: time of the pair alone, the scans being prepared [s].
-        reason: in words, why it was accepted or refused.
-        probability: that the place is right, 0..1, however open the pose may be there, which the covariance says; NaN
-            from methods that give none.
-        step_psr: the peak-to-sidelobe ratio of every step, by the step's name.
+        overlap: share of points with a counterpart in the other scan, 0..1 (the smaller of both directions).
+        accepted: whether the registration passed the method's test.
+        seconds: time for the pair, without the preparation of its scans [s].
+        reason: why it was accepted or refused, in words.
+        probability: that the place is right, 0..1, even if the pose is unconstrained in a direction, which the
+            covariance shows; NaN from methods that give none.
+        step_psr: peak-to-sidelobe ratio of every step, by the step's name.
         alternatives: other hypotheses that could not be excluded, best first.
-        T_by_scans, covariance_by_scans: what the scans alone say, where instruments, or how the vehicle usually moves,
-            took part in T_target_source; in the same units, None where they did not. A graph that holds the
-            instruments' measurements as well would otherwise count them twice: `by_scans` is for it.
+        T_by_scans, covariance_by_scans: pose and covariance from the scans alone, if instruments or a motion model
+            took part in T_target_source; else None. A graph that holds the instruments' measurements as well must use
+            these (`by_scans`), or it counts the instruments twice.
         evidence: the numbers behind the transform, by name; docs/registration.md explains them.
     """
 
@@ -63,33 +63,33 @@ class Registration:
 
     @property
     def fixed(self) -> float:
-        """The probability that the pose is fixed, where the place is right; 1 from methods that do not say."""
+        """Probability that the scans fix the pose, given the right place; 1 from methods that do not compute it."""
         return dict(self.evidence).get("fixed", 1.0)
 
     @property
     def is_fixed(self) -> bool:
-        """Whether its pose is sure enough to be accepted where its place is right."""
+        """Whether the pose is certain enough to be accepted, given the right place."""
         return self.fixed >= FITTED["acceptance"]["fixed"]
 
     @property
     def is_only_likely(self) -> bool:
-        """Whether it is believed as scans that follow each other nearly always share a place, and not by itself."""
+        """Whether it is accepted only because consecutive scans nearly always overlap, and not by its own evidence."""
         return "likely" in dict(self.evidence)
 
     @property
     def placed(self) -> bool:
-        """Whether it has found the place, though it may leave a direction open there."""
+        """Whether the place is probable enough, though the pose may be unconstrained in a direction."""
         return self.probability >= FITTED["acceptance"]["place"]
 
     def with_probability(self, probability: float) -> Registration:
-        """The same answer with another probability; what that leaves, its alternatives share as before."""
-        left = (1 - probability) / (1 - self.probability) if self.probability < 1 else 0.0
-        others = tuple(replace(other, probability=left * other.probability) for other in self.alternatives)
+        """The registration with another probability; those of its alternatives are scaled to the remainder."""
+        scale = (1 - probability) / (1 - self.probability) if self.probability < 1 else 0.0
+        others = tuple(replace(other, probability=scale * other.probability) for other in self.alternatives)
         return replace(self, probability=probability, alternatives=others)
 
     @property
     def by_scans(self) -> Registration:
-        """The same registration without what instruments said of the pose; they still found it and judged it."""
+        """The registration with pose and covariance from the scans alone; search and verdict still used instruments."""
         if self.T_by_scans is None or self.covariance_by_scans is None:
             return self
         return replace(
@@ -103,20 +103,20 @@ class Registration:
 
 
 class Registrar(Protocol):
-    """A method of registration: spectral, or any other. The mapper uses nothing else of it."""
+    """A registration method, spectral or other; the mapper uses only these two methods."""
 
     def prepare(self, scan: Scan) -> Any:
-        """What one scan contributes to every pair, computed once; only `register` looks into it.
+        """What a scan contributes to all its pairs, computed once; opaque to all but `register`.
 
         Raises:
-            InputError: the scan cannot be registered, as it shows too little structure.
+            InputError: the scan shows too little structure to be registered.
         """
         ...
 
     def register(self, target: Any, source: Any) -> Registration:
-        """T_target_source of two prepared scans, its covariance, and whether to believe it.
+        """T_target_source of two prepared scans, with covariance and verdict.
 
-        Scans that do not fit are no error: the result is one that is not accepted. A survey calls an InputError an
+        For scans that do not match, return a registration that is not accepted: a survey reports an InputError as an
         error of the method.
         """
         ...

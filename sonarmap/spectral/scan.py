@@ -11,9 +11,9 @@ from sonarmap.kernels.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class PosePrior:
-    """What the vehicle's own instruments say about a scan's pose, with the standard deviations of their errors.
+    """A scan's pose as measured by the vehicle's instruments, with the standard deviations of their errors.
 
-    The errors are those of the instruments, each about an axis of its own, and independent of one another:
+    The errors are independent, each about its own axis:
 
     - rotation: R_true = Exp(w) R_measured with w in the world: `w = Rz(h) (roll, pitch, heading error)` [rad], where h
       is the twist of R_measured about the vertical (R_measured = Rz(h) S, S about a level axis). The roll error is
@@ -26,11 +26,11 @@ class PosePrior:
     This is not the tangent of a `Registration`'s covariance, which perturbs on the right, in the sensor's own frame.
 
     Attributes:
-        T_world_sensor: the measured pose (world East-North-Up, sensor x forward, y left, z up); what was not measured
-            is not used, and best left at 0.
+        T_world_sensor: the measured pose (world East-North-Up, sensor x forward, y left, z up); components that were
+            not measured are ignored, so leave them 0.
         sigmas: (6,) float64 standard deviations, rotation first: roll, pitch, heading [rad], then East, North, Up [m];
-            inf where not measured. Roll and pitch are known both or neither, East and North likewise.
-        turned: whether roll and pitch err about axes that are turned with the heading, as instruments do.
+            inf where not measured. Roll and pitch are measured both or neither, East and North likewise.
+        turned: whether the errors of roll and pitch are about axes turned with the heading, as an instrument's are.
 
     Raises:
         InputError: a stack of poses, a pose that is not finite, or sigmas of another shape, NaN, not above 0, or of
@@ -64,7 +64,7 @@ class PosePrior:
 
     @property
     def knows_attitude(self) -> bool:
-        """Whether roll and pitch are measured, and with them which way is up."""
+        """Whether roll and pitch are measured."""
         return bool(np.isfinite(self.sigmas[:2]).all())
 
     @property
@@ -88,10 +88,10 @@ class PosePrior:
 
 
 def refuse_mask(array: Any, name: str) -> None:
-    """Refuse a masked array, or a list of them, that masks anything: what computes with it forgets the mask."""
+    """Raise InputError for an array, or list of arrays, with masked values: the code that uses it ignores masks."""
     if np.ma.is_masked(array) or (type(array) in (list, tuple) and any(map(np.ma.is_masked, array))):
         raise InputError(
-            f"{name}: the array is masked, and masks are not used; give what counts alone, as in "
+            f"{name}: the array is masked, and masks are not used; give the unmasked values alone, as in "
             "`points[~np.ma.getmaskarray(points).any(axis=1)].data`"
         )
 
@@ -102,15 +102,15 @@ class Scan:
 
     Attributes:
         points: (N, 3) float32 [m], sensor frame (x forward, y left, z up), all finite, N >= 1.
-        strength: (N,) float32, linear echo strength >= 0, all finite, or None where the sensor gives none.
-        stamp: time of the scan [s, UTC]; a counter where the files carry no time.
-        prior: what other instruments say about the pose, or None.
-        name: what to call the scan in messages and tables.
-        viewpoints: (N, 3) float32 [m], where the sensor was when it saw each point, in the same frame as the points,
-            all finite. None: it stood at the frame's origin for all of them, or, for a patch put together from several
-            views, it is not known; which of the two, the points tell.
-        times: (N,) float32 [s] after the stamp, when each point was seen, all finite, of points in the sensor's own
-            frame at these times. None: all were seen at the stamp, or have been brought to where the sensor was then.
+        strength: (N,) float32, linear echo strength >= 0, all finite, or None if the sensor gives none.
+        stamp: time of the scan [s, UTC]; a counter if the files carry no time.
+        prior: the pose as measured by other instruments, or None.
+        name: name of the scan in messages and tables.
+        viewpoints: (N, 3) float32 [m], position of the sensor when it saw each point, in the frame of the points, all
+            finite. None: the frame's origin for all points, or unknown for a patch merged from several views; which of
+            the two is decided from the points.
+        times: (N,) float32 [s] after the stamp at which each point was seen, all finite; the points are then in the
+            sensor's frame at these times. None: all points are in the sensor's frame at the stamp.
 
     Raises:
         InputError: an array of another shape or dtype, masked, or with a value that is not finite; no points; a

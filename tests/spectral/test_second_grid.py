@@ -37,7 +37,7 @@ def test_what_noise_hides_on_the_fine_grid_is_believed_on_the_other(registrar: S
     scans = [noisy(of, 3.75, k) for k, of in enumerate((points, T_TRUE.inv().apply(points)))]
     found = registrar.register(*(registrar.prepare(scan) for scan in scans))
     assert found.accepted
-    assert found.reason.startswith("with voxels of 0.267 m, which noise and gaps hide less: the scans match")
+    assert found.reason.startswith("on the coarser grid, with voxels of 0.267 m: the scans match")
     assert_near(found.T_target_source, T_TRUE, 2.0, 0.3)
     wider = registrar.with_voxel(2 * EXTENT / EDGE)
     twice = wider.register(*(wider.prepare(Scan(2 * scan.points)) for scan in scans))
@@ -65,7 +65,7 @@ def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.Mon
     np.testing.assert_allclose(found.T_target_source.translation[1], 0.1 if same else 0.4)
     assert (found.probability, found.accepted) == (0.95, True)
     assert found.probability + sum(other.probability for other in found.alternatives) <= 1
-    assert found.reason.startswith("with voxels of 0.8 m")
+    assert found.reason.startswith("on the coarser grid, with voxels of 0.8 m")
 
 
 @pytest.mark.slow
