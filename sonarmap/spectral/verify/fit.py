@@ -1,4 +1,4 @@
-"""Where a refinement ended: the pose, how well the surfaces hold it, and what is known of such fits' errors."""
+"""The result of a refinement: pose, information, the prior term of instruments, and the calibration of errors."""
 
 from dataclasses import dataclass, field, replace
 
@@ -8,51 +8,51 @@ from scipy.spatial.transform import Rotation
 from sonarmap.spectral.chi_squared import beyond_sigmas
 from sonarmap.spectral.fitted import FITTED
 
-# Chi-squared of 1..6 numbers that is as rare as 3 and 4 standard deviations of one. See `PriorTerm.distortion`.
+# Chi-squared values for 1..6 degrees of freedom as rare as 3 and 4 standard deviations; see `PriorTerm.distortion`.
 _LIMITS = [(beyond_sigmas(3.0, k), beyond_sigmas(4.0, k)) for k in range(1, 7)]
 _UNKNOWN = 1e6
-# Information that keeps a pose in its place where neither scans nor instruments know anything.
+# Information that damps the step where neither scans nor instruments constrain the pose.
 _STAY = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class PriorTerm:
-    """Measurements of instruments, linear about a pose of m components, or about n poses (...: none, or n)."""
+    """Instruments' measurements, m components, linearized about one pose or about n poses (...: none, or n)."""
 
-    residual: np.ndarray  # (..., m) the pose less what was measured [rad, m]
-    # (..., m, 6) of the residual, by a turn of the target's axes about the source's grid center and a shift along them,
+    residual: np.ndarray  # (..., m) the pose minus the measurement [rad, m]
+    # (..., m, 6) of the residual, by a turn about the target's axes at the source's grid center and a shift along them,
     # rotation first [rad, voxels]
     jacobian: np.ndarray
     covariance: np.ndarray  # (..., m, m) of the residual at the true pose
-    # (..., 6, 6) the covariance of errors that all points of the scans share, as `Calibration` has it: it decides, with
-    # that of the planes, how much the scans are worth beside the instruments
+    # (..., 6, 6) covariance of errors that all points of a scan share, from `Calibration.systematic`: added to that of
+    # the planes, it weights the scans against the instruments
     systematic: np.ndarray
 
     def of(self, n: int) -> "PriorTerm":
         return PriorTerm(self.residual[n], self.jacobian[n], self.covariance[n], self.systematic[n])
 
     def moved(self, step: np.ndarray) -> "PriorTerm":
-        """About the pose that lies a (..., 6) small step further, rotation first [rad, voxels]."""
+        """The term about the pose after a small step (..., 6), rotation first [rad, voxels]."""
         return replace(self, residual=self.residual + _times(self.jacobian, step))
 
     def information(self) -> np.ndarray:
-        """(..., 6, 6) what the instruments know of the turn and shift."""
+        """(..., 6, 6) information of the instruments about the turn and shift."""
         return _transposed(self.jacobian) @ np.linalg.solve(self.covariance, self.jacobian)
 
     def pull(self) -> np.ndarray:
-        """(..., 6) the gradient of half the squared residuals in standard deviations."""
+        """(..., 6) gradient of half of chi-squared."""
         return _times(_transposed(self.jacobian), _solved(self.covariance, self.residual))
 
     def squared(self) -> np.ndarray:
-        """(...) chi-squared of the pose."""
+        """(...) chi-squared of the residual."""
         return (self.residual * _solved(self.covariance, self.residual)).sum(axis=-1)
 
     def distortion(self, covariance: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """(..., 6, 6) the covariance of the scans' distortion, as far as the instruments show it.
+        """(..., 6, 6) covariance of the scans' distortion, as far as the instruments reveal it.
 
-        A sonar that guesses elevations shows walls that lean, a wrong speed of sound bends the bed. Where the best fit,
-        by the scans' own covariance and step, is as far from what was measured as 3 standard deviations of a single
-        number would be, the scans are believed less in that direction, and from 4 on only the instruments are.
+        A sonar that guesses elevations shows leaning walls; a wrong speed of sound bends the bed. If the pose by the
+        scans alone, given by their covariance and step, deviates from the measurement by more than 3 standard
+        deviations, the scans get less weight in that direction, and none beyond 4.
         """
         off = self.residual + _times(self.jacobian, step)
         together = self.jacobian @ covariance @ _transposed(self.jacobian) + self.covariance
@@ -65,8 +65,8 @@ class PriorTerm:
 
 
 def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) -> np.ndarray:
-    """(..., 6) the step by the scans and the instruments together, from that by the scans alone and the covariance of
-    where it leads, as far as the scans' points err independently."""
+    """(..., 6) step by scans and instruments together, from the step by the scans alone and its covariance by the
+    independent errors of points."""
     scans = covariance + term.systematic
     information = np.linalg.inv(scans + term.distortion(scans, step))
     total = information + term.information() + _STAY * np.eye(6)
@@ -87,43 +87,41 @@ def _solved(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """The scale of the covariance, and what it never falls below.
+    """The scale of the planes' covariance, and the systematic errors added to it.
 
-    The information that both scans' planes share says along which directions a pose is fixed, and how well these are
-    relative to each other. Its scale is not that of independent points: neighbors share their plane, and what one
-    viewpoint sees of a voxel is not what another does. To this come errors that all points of a scan share, which
-    nothing in the pair shows: a speed of sound or a range that is off moves all that a sensor sees to or from it, and
-    a vehicle that moves during the scan, or was placed by odometry, bends it.
+    The information of the planes that both scans share gives the constrained directions and their relative accuracy,
+    but not the scale: neighboring points share their plane, and two viewpoints see different parts of a voxel. Errors
+    that all points of a scan share do not show in the pair and are added: a wrong speed of sound or range offset moves
+    all points to or from the sensor, and a vehicle's motion during the scan bends it.
     """
 
-    scale: float  # logarithm of the variance at 1 of the others
-    # width, psr: its powers of how far the surfaces are apart [voxels] and of the peak-to-sidelobe ratio
+    scale: float  # logarithm of the variance at width 1 and psr 1
+    # width, psr: exponents of the distance between surfaces [voxels] and of the peak-to-sidelobe ratio in the variance
     width: float
     psr: float
-    bent: float  # variance that is added in all directions [voxels^2], turns taken times their lever
-    stretched: float  # share by which the ranges of a scan are off
-    usual_psr: float  # stands for the ratio while it is not measured yet
-    # share of the variance that errors usually have, as it covers rare large ones too. In the refinement the scans
-    # weigh as much as is usual, along directions that both fix: more doubt would draw good scans to instruments that
-    # know less.
+    bent: float  # variance added in all directions [voxels^2], turns multiplied by their lever
+    stretched: float  # standard deviation of the relative error of a scan's ranges
+    usual_psr: float  # used until the ratio is measured
+    # share of the variance without rare large errors, which it includes. The refinement weights the scans by it along
+    # directions that both scans constrain: the full variance would draw good scans to less accurate instruments.
     usual: float
-    # by which the variance is raised for kinds of scans that are not among those of the fit: what a kind was off by
-    # that had been left out, beside what the others had said. Of the scans' part alone, and only where it is stated.
+    # factor of the variance for kinds of scans outside of the fit, from cross-validation over kinds; applied to the
+    # scans' reported covariance alone
     other_kinds: float
-    narrowest: float  # surfaces are never taken to be nearer than this [voxels]
+    narrowest: float  # minimum distance between surfaces [voxels]
 
     def variance(self, width: np.ndarray, psr: float | None = None) -> np.ndarray:
-        """What the inverse of the information is multiplied by [voxels^2], of any shape, as the widths."""
+        """Factor of the inverse information [voxels^2], of the shape of the widths."""
         ratio = self.usual_psr if psr is None else psr
         return np.exp(self.scale) * np.maximum(width, self.narrowest) ** self.width * max(ratio, 3.0) ** self.psr
 
     def systematic(
         self, from_target: np.ndarray, from_source: np.ndarray, lever: np.ndarray, stretches: bool
     ) -> np.ndarray:
-        """(..., 6, 6) the covariance of errors that all points share, of a turn and a shift [rad, voxels].
+        """(..., 6, 6) covariance of a turn and a shift [rad, voxels] by errors that all points share.
 
-        Of what lies (..., 3) from each sensor to the source's grid center; a turn moves by the lever (...) [voxels]. If
-        `stretches`, the ranges' share is estimated with the pose, and no error remains of it.
+        `from_target` and `from_source` are the vectors (..., 3) from each sensor to the source's grid center, `lever`
+        (...) is that of a turn [voxels]. If `stretches`, the ranges' error is estimated with the pose and left out.
         """
         per_voxel = np.maximum(lever, 1.0)[..., None] ** -2 * np.ones(3)
         diagonal = self.bent * np.concatenate([per_voxel, np.ones_like(per_voxel)], axis=-1)
@@ -136,7 +134,7 @@ class Calibration:
 CALIBRATION = Calibration(**FITTED["calibration"])
 
 
-_LOOSEST = 1e-4  # least share of the planes that counts to hold a direction
+_LOOSEST = 1e-4  # minimum share of the planes that constrain a direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,37 +142,37 @@ class Fit:
     # R, shift: p_target = R p_source + shift about the grid centers [voxels]
     R: Rotation
     shift: np.ndarray
-    # (6, 6) how well the planes that both scans show fix the pose: the Hessian of the weighted squared distances
-    # [voxels^2], rotation first, of a turn of the target's axes about the source's grid center and a shift along them.
-    # Where nothing is fixed its eigenvalues may fall a little below 0.
+    # (6, 6) information of the planes that both scans show: the Hessian of the weighted squared distances [voxels^2] by
+    # a turn about the target's axes at the source's grid center and a shift along them, rotation first. In
+    # unconstrained directions its eigenvalues may be slightly negative.
     information: np.ndarray
     residual: float  # weighted root mean square distance to the planes [voxels]
     pairs: float  # number of pairs of points, weighted, as if 3000 points of each scan took part
-    # median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are apart, by
-    # noise, by distortion, or because they are not the same
+    # median distance to the planes of all points within at least 3 voxels [voxels]: the distance between the surfaces
+    # by noise, distortion, or because they differ
     width: float = 0.0
-    # (6,) standard errors of the shares that `principal_axes` gives, by chance and as the noise of both scans is alike
+    # (6,) standard errors of the shares from `principal_axes`, by chance and by noise that both scans share
     doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    # what instruments measured, about the pose before the last step; None where nothing was
+    # instruments' measurements, about the pose before the last step; None without any
     prior: PriorTerm | None = None
-    # (6,) from there to where the scans alone would have it [rad, voxels]
+    # (6,) from that pose to the one by the scans alone [rad, voxels]
     step: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    # (2,) by which shares the ranges of the source and of the target are taken to be too short; None where the scans
-    # are taken as they are
+    # (2,) estimated shares by which the ranges of the source and of the target are too short; None if they are not
+    # estimated
     stretch: np.ndarray | None = None
-    # (2, 8) the rows of the Hessian by these shares, of the pose and the shares, by the planes alone
+    # (2, 8) rows of these shares in the Hessian by pose and shares, by the planes alone
     stretching: np.ndarray | None = None
 
     @property
     def by_scans(self) -> "Fit":
-        """Where the scans alone would have the pose."""
+        """The fit at the pose by the scans alone."""
         R = Rotation.from_rotvec(self.step[:3]) * self.R
         return replace(self, R=R, shift=self.shift + self.step[3:], prior=None)
 
 
 def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The information (..., 6, 6) of (...) pairs by directions: shares (..., 6) of a pair's, ascending, their axes
-    (..., 6, 6) in columns, and levers (...) [voxels], which turns are taken times so that directions can be compared.
+    """Eigenvalues (..., 6) of the information (..., 6, 6) per pair of points, ascending, their axes (..., 6, 6) in
+    columns, and the levers (...) [voxels] that turns are multiplied by to make all directions comparable.
     """
     counted = np.maximum(np.asarray(pairs), 1e-12)
     turning = np.trace(information[..., :3, :3], axis1=-2, axis2=-1)
@@ -184,7 +182,7 @@ def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[
 
 
 def shares_along(other: np.ndarray, information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(..., 6) shares of other information (..., 6, 6) along the axes of `principal_axes`, in the same unit."""
+    """(..., 6) information per pair of another matrix (..., 6, 6) along the axes of `principal_axes`."""
     _, axes, lever = principal_axes(information, pairs)
     return np.einsum("...ia,...ij,...ja->...a", axes, _of_a_pair(other, lever, pairs), axes)
 
@@ -195,7 +193,7 @@ def _of_a_pair(information: np.ndarray, lever: np.ndarray, pairs: np.ndarray) ->
 
 
 def firmness(information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(...) 0..1, the geometric mean over all directions of how firmly the planes hold the pose: two flat places fit
-    anywhere, as their planes hold three directions of six."""
+    """(...) 0..1, geometric mean over all directions of the planes' information per pair: low for two flat places,
+    which fit anywhere, as planes constrain three directions of six."""
     share, _, _ = principal_axes(information, pairs)
     return np.exp(np.log(np.maximum(share, _LOOSEST)).mean(axis=-1))

@@ -1,4 +1,4 @@
-"""The hypotheses about one pair of scans: bounded, refined, compared, and the best refined to the end."""
+"""The hypothesis test of one pair of scans: candidates are bounded, refined and compared, and the best is finished."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,69 +16,68 @@ from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.relief import alike_places, is_level
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
 
-# Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
-# rotation 4 degrees off make; twice until it shows which candidates are worth more; until hypotheses can be compared;
-# and, for the best alone, on to the end.
+# Stages of the refinement, its reaches in voxels: out of a candidate's error, a coarse voxel and 4 degrees; then twice
+# to select candidates; until hypotheses can be compared; and, for the best alone, until it converges.
 _FIRST = Stage((8.0, 5.0, 3.0), 100)
 _QUICK = Stage((4.0, 3.0, 2.0), 250)
 _ROUGH = Stage((4.0, 3.0, 2.0, 2.0), 500)
 _CLOSE = Stage((4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000)
 _FINAL = Stage((1.5,) * 3, 3000)
-# Where one direction is held by less than this share of the planes, surfaces are laid on each other once more, smoothed
-# further: normals of little relief are mostly noise, which adds to the squares that a step is divided by, so that it
-# covers a twentieth of its way. No step reaches so far that rims take part.
+# If a direction has less information per pair than this, the surfaces are smoothed further and refined again: the noise
+# of normals of little relief inflates the Hessian and shortens steps to a twentieth. The reaches are below those at
+# which rims take part.
 _LOOSE = 0.02
 _SMOOTHED = Stage((2.0, 2.0, *(1.5,) * 6), 3000)
-_DRIVEN_OFF = 0.5  # a hypothesis that agrees less by more than this then was driven off
+_DRIVEN_OFF = 0.5  # loss of agreement from which this refinement has diverged
 _PROMISING = 0.4  # candidates that score less than this share of the best are not refined
-_LEFT = 16  # candidates after the first steps
-_SURVIVORS = 6  # and after the next
-_HOPELESS = 3.5  # hypotheses whose agreement is less than the best's by more are out: no peak makes up for it
-# Planes hold the best less firmly than this where surfaces are laid upon each other beside it, and where how close they
-# come counts most: where planes hold it more firmly, nothing came of that.
+_LEFT = 16  # candidates kept after the first stage
+_SURVIVORS = 6  # candidates kept after the second stage
+_HOPELESS = 3.5  # hypotheses whose agreement is lower than the best's by more are dropped: no peak makes up for it
+# Maximum firmness of the best hypothesis at which surfaces are of little relief: other places are then sought by
+# height, and compared by residual.
 _FIRM = 0.05
-_CLOSEST = 0.03  # surfaces whose residual is smaller are as close as any [voxels]
-_PLACES = 12  # that heights name there, and over beds
-_SLID = Stage((4.0, 3.0, 2.0, 2.0, 2.0), 1000)  # by which these are laid upon each other smoothly
-_RIVALS = 4  # of these that are compared with the others
-_SAME_ROTATION = float(np.deg2rad(1.0))  # refined rotations nearer than this have the same correlation [rad]
+_CLOSEST = 0.03  # minimum residual in this comparison [voxels]
+_PLACES = 12  # largest number of places found by height
+_SLID = Stage((4.0, 3.0, 2.0, 2.0, 2.0), 1000)  # their refinement on smoothed surfaces
+_RIVALS = 4  # largest number of these to compare with the others
+_SAME_ROTATION = float(np.deg2rad(1.0))  # refined rotations closer than this have the same correlation [rad]
 
 
 @dataclass(frozen=True, slots=True)
 class HypothesisTest(PairFrames):
-    """One pair of scans on a grid that both share, and which poses are possible between them."""
+    """The test of one pair of scans that share a grid, within bounds on their relative pose."""
 
     verifier: Verifier
 
     def find_candidates(self, rotations: RotationPeaks) -> Candidates:
-        """Where the scan would lie under each of the rotations, by the coarse grid; possible places only."""
+        """Shifts of the source under each rotation, by the coarse grid and within the bounds."""
         boxes = [self.box(R) for R in rotations.R]
         return self.within_bounds(self.verifier.candidates(self.target, self.source, rotations, boxes))
 
     def refine_candidates(self, candidates: Candidates, count: int) -> list[Hypothesis]:
-        """The best of the `count` best candidates, refined roughly, best first; impossible ones only where there are no
+        """The best of the `count` best candidates, roughly refined, best first; if none is within the bounds, the
         others.
 
-        Surfaces of little relief agree nearly as well at wrong places, until a candidate is refined: so many are
-        refined by few points, and the best of these by more.
+        On surfaces of little relief, wrong places agree nearly as well until refined. So many candidates are refined
+        with few points, and the best of these with more.
         """
         best = self.verifier.best(self.target, self.source, candidates, Selection(count, share=_PROMISING))
         first = Stage(tuple(self.verifier.coarser * reach for reach in _FIRST.reaches), _FIRST.points)
-        # one that is left alone goes on at once
+        # a single candidate needs no selection
         if len(best) == 1:
             return self._refine_candidates(candidates, best, [first, _QUICK, _ROUGH])
-        left = self._possible(self._refine_candidates(candidates, best, [first], first.points))[:_LEFT]
-        if len(left) == 1:
-            return self._refine(left, [_QUICK, _ROUGH])
-        left = self._possible(self._refine(left, [_QUICK], _QUICK.points))[:_SURVIVORS]
-        return self._possible(self._refine(left, [_ROUGH]))
+        kept = self._possible(self._refine_candidates(candidates, best, [first], first.points))[:_LEFT]
+        if len(kept) == 1:
+            return self._refine(kept, [_QUICK, _ROUGH])
+        kept = self._possible(self._refine(kept, [_QUICK], _QUICK.points))[:_SURVIVORS]
+        return self._possible(self._refine(kept, [_ROUGH]))
 
     def find_missed(self, finalists: list[Hypothesis]) -> list[Hypothesis]:
-        """What the whole grid's correlations under the finalists' refined rotations name beside the finalists, as many
-        at most.
+        """Further hypotheses from the whole grid's correlations under the finalists' refined rotations, at most as many
+        as finalists.
 
-        A rotation that is 2 degrees off has low and broad peaks: where a scan can slide, along a quay or a pool, the
-        true one may be missing.
+        Peaks under a rotation that is 2 degrees off are low and broad: if scans can slide, as along a quay or a pool,
+        the true one may be missing.
         """
         R = Rotation.concatenate([finalist.fit.R for finalist in finalists])
         scores = np.array([finalist.rotation_score for finalist in finalists])
@@ -94,9 +93,9 @@ class HypothesisTest(PairFrames):
         return self.possible(elsewhere(hypotheses, finalists))[: len(finalists)]
 
     def find_alike(self, known: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Other places at which the heights of beds of little relief are alike, whichever way the source is turned.
+        """Other places and headings at which the heights of beds of little relief match.
 
-        Over a bed the lines that beams draw agree best where nothing has moved, and the ripples do at the next one.
+        Over a bed the correlation prefers the identity, where the beams' lines agree, and the next ripple fits too.
         """
         surfaces, best = (self.target.surface, self.source.surface), known[0]
         weak = best.evidence.firmness <= _FIRM
@@ -112,19 +111,18 @@ class HypothesisTest(PairFrames):
         return self.possible(elsewhere(rivals, known))[:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-        """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
+        """The hypotheses compared, the best first and finished; a single hypothesis is not compared."""
         hopeful = _hopeful(hypotheses, 1.5 * _HOPELESS)
         if len(hopeful) == 1:
             return self.finish(hopeful, [_CLOSE, _FINAL])
         return self.finish(self.compare(hopeful))
 
     def compare(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-        """Measured on the whole grid, best first, of those at the same pose the best alone; all refined alike, as an
-        advantage in that would look like evidence.
+        """The hypotheses measured on the whole grid, best first, without the weaker ones at the same pose.
 
-        Over a bed of little relief, what the sensors saw agrees nearly as well some voxels off, where the surfaces are
-        a little farther apart. There all are where the scans alone would have them: attitudes and depths move them by
-        their own errors, and part the surfaces of the true one as well.
+        All are refined by the same stages, as a better refinement would look like evidence. Over a bed of little relief
+        the views agree nearly as well some voxels off, and only the residual tells. There the poses are those by the
+        scans alone: errors of attitudes and depths would separate the surfaces of the true one too.
         """
         refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
         if refined[0].evidence.firmness <= _FIRM:
@@ -134,19 +132,19 @@ class HypothesisTest(PairFrames):
             ]
             refined = self._possible(close)
         hopeful = _hopeful(refined, _HOPELESS)
-        # one alone is measured where it ends
+        # `finish` measures a single one
         return hopeful if len(hopeful) == 1 else self._measured(hopeful)
 
     def finish(self, hypotheses: list[Hypothesis], stages: Sequence[Stage] = (_FINAL,)) -> list[Hypothesis]:
-        """The first and best hypothesis refined to the end, and the others that are not now where it is."""
+        """The first and best hypothesis fully refined, and the others whose pose still differs from it."""
         best = self._left_to_scans(self._finish_best(hypotheses[0], stages))
         best = replace(best, evidence=replace(best.evidence, closeness=hypotheses[0].evidence.closeness))
         return [best, *elsewhere(hypotheses[1:], [best])]
 
     def _finish_best(self, known: Hypothesis, stages: Sequence[Stage]) -> Hypothesis:
-        """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
+        """The hypothesis with evidence from the scans as given, and a final pose with estimated stretches."""
         best = self._refine([known], stages)[0]
-        # where closeness was compared, it has been laid smoothly before
+        # if closeness was compared, it was already refined on smoothed surfaces
         if not known.evidence.closeness and _loose(best.fit):
             best = self._laid_smoothly([best])[0]
         measurement = self.verifier.measure(self.target, self.source, [best])
@@ -154,8 +152,8 @@ class HypothesisTest(PairFrames):
         return replace(measurement.read()[0], fit=fit)
 
     def _laid_smoothly(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are; by
-        these alone where the smoother ones, which may hold nothing without rims, drive a hypothesis off."""
+        """Hypotheses refined on smoothed surfaces, the smoothest first, then on the plain surfaces; on these alone
+        if the refinement diverges on the smoothed ones, which may constrain nothing without rims."""
         fits: Sequence[Fit] = [each.fit for each in hypotheses]
         for level in range(len(self.target.smoother())):
             fits = self._smoother(level)._steps(_start(fits), [_SMOOTHED]).read()
@@ -173,17 +171,17 @@ class HypothesisTest(PairFrames):
         return replace(self, bounds=replace(self.bounds, prior=None))
 
     def _unless_bounded(self) -> "HypothesisTest":
-        """The same by the scans alone, unless instruments bound the place: on a flat bed nothing else holds it."""
+        """The test by the scans alone, unless instruments bound the place: on a flat bed nothing else constrains it."""
         return self if self.box(Rotation.identity()) else self._without_instruments()
 
     def _smoother(self, level: int) -> "HypothesisTest":
-        """The same of the scans' surfaces smoothed further, 0 the smoothest."""
+        """The test on the scans' smoothed surfaces; level 0 is the smoothest."""
         target, source = (replace(scan, surface=scan.smoother()[level]) for scan in (self.target, self.source))
         return replace(self, target=target, source=source)
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
-        """The hypothesis with the whole step to where the scans alone would have it, where instruments took part:
-        beside them points pair up where these have the pose, and one step from there falls short."""
+        """The hypothesis with the whole step from its pose to that by the scans alone, if instruments took part: points
+        were paired at the common pose, so a single step from there falls short."""
         fit = best.fit
         if fit.prior is None:
             return best
@@ -200,7 +198,7 @@ class HypothesisTest(PairFrames):
         return sorted(measured, key=lambda hypothesis: -hypothesis.score)
 
     def _possible(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-        """The possible ones; all where none is."""
+        """Hypotheses within the bounds, or all if there are none."""
         return self.possible(hypotheses) or hypotheses
 
     def _refine_candidates(
@@ -219,7 +217,7 @@ class HypothesisTest(PairFrames):
     def _round(
         self, start: Start, origins: Sequence[tuple[float, float]], stages: Sequence[Stage], points: int
     ) -> list[Hypothesis]:
-        """As `_observed`, best first; of those that come out at the same pose the best alone."""
+        """Refined and observed hypotheses, best first, without the weaker ones at the same pose."""
         return ranked(self._observed(start, origins, stages, points))
 
     def _observed(
@@ -229,8 +227,8 @@ class HypothesisTest(PairFrames):
         stages: Sequence[Stage],
         points: int = SURFACE_POINTS,
     ) -> list[Hypothesis]:
-        """Refined, and observed by so many points; one wait unless instruments take part. `origins` are scores of the
-        rotations and peaks of the candidates, as `Hypothesis` has them."""
+        """Refined hypotheses, observed with `points` points; waits once for the device unless instruments take part.
+        `origins` are `Hypothesis.rotation_score` and `candidate_psr` of each."""
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
@@ -238,11 +236,11 @@ class HypothesisTest(PairFrames):
         return [Hypothesis(fit, *origin, replace(shown, moved=self.moved(fit))) for fit, origin, shown in rows]
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
-        """Queue the refinement from each of the places."""
+        """Queue the refinement of all poses."""
         scans = self.verifier.device, self.target.surface, self.source.surface
         if self.bounds.prior is None:
             return refine(*scans, start, stages)
-        # what instruments measured is linear about where a stage begins
+        # the prior is linearized anew at each stage
         *before, last = stages
         for stage in before:
             prior = self.prior_at(start.R, start.shifts, start.stretches)
@@ -260,11 +258,11 @@ def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:
 
 
 def _loose(fit: Fit) -> bool:
-    """Whether one direction is held so little that noise of normals would shorten its steps."""
+    """Whether a direction has so little information that the noise of normals shortens its steps."""
     return bool(principal_axes(fit.information, fit.pairs)[0][0] < _LOOSE)
 
 
 def _hopeful(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
-    """Those whose agreement is not less than the best's by more than the margin."""
+    """Hypotheses whose agreement is within the margin of the best."""
     least = max(hypothesis.evidence.agreement for hypothesis in hypotheses) - margin
     return [hypothesis for hypothesis in hypotheses if hypothesis.evidence.agreement >= least]

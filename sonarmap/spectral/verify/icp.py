@@ -1,7 +1,7 @@
-"""Point-to-plane refinement of a registration, both ways, on smoothed surfaces: sub-voxel, sub-bin.
+"""Symmetric point-to-plane refinement of poses on smoothed surfaces, to a fraction of a voxel and of a bin.
 
 The iterative closest point of Chen and Medioni (1992, DOI 10.1016/0262-8856(92)90066-C) with the weights of Geman and
-McClure, which leave out what only one scan shows. It refines a pose that the spectra found; it does not find one.
+McClure, which suppress surfaces that only one scan shows. It needs a start near the true pose.
 """
 
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from sonarmap.kernels.surface.refinement import LastStep, Record, Refinement, St
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, posterior_step, shares_along
 
-_OPPOSITE = np.vstack([np.eye(7), -np.eye(7)[6]])  # (8, 7) of a pose and both stretches, which are opposite
-_AGREEING = 0.3  # share of one scan's information from which on that of both scans' normals is not of noise
+_OPPOSITE = np.vstack([np.eye(7), -np.eye(7)[6]])  # (8, 7) maps pose and one stretch to pose and opposite stretches
+_AGREEING = 0.3  # ratio of shared to whole information from which it is not due to noise
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where k refinements are: rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2); and priors there."""
+    """State of k refinements: rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2), and priors."""
 
     turn: np.ndarray
     shift: np.ndarray
@@ -33,18 +33,18 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class NormalEquations:
-    """Those of one Gauss-Newton step on the distances along the normals, of k poses; the stretches come last."""
+    """Normal equations of a Gauss-Newton step on the point-to-plane distances of k poses; the stretches come last."""
 
-    # hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8) by the pairs that move the pose, with what is known of the
-    # stretches before
+    # hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8) by the pairs that move the pose, with the prior of the
+    # stretches
     hessian: np.ndarray
     gradient: np.ndarray
-    whole: np.ndarray  # (k, 6 or 8, 6 or 8) the Hessian by all pairs, those that move it or not, with the same
-    # (k, 6 or 8, 6 or 8) the Hessian from one scan's normals times the other's, without it. Normals of noisy points
-    # point everywhere a little, and the sum of their squares finds information along a plane that has none. The noise
-    # of two scans is independent: in products of both it averages out.
+    whole: np.ndarray  # (k, 6 or 8, 6 or 8) Hessian by all pairs, those at rims too, with the same prior
+    # (k, 6 or 8, 6 or 8) Hessian from products of one scan's normals with the other's, without the prior. Squares of
+    # noisy normals give false information along a plane; in these products the noise of the two scans, which is
+    # independent, averages out.
     shared: np.ndarray
-    variance: np.ndarray  # (k,) of the gaps, as far as they are independent [voxels^2]
+    variance: np.ndarray  # (k,) of the independent part of the distances [voxels^2]
 
     @classmethod
     def of(cls, record: Record, state: State) -> "NormalEquations":
@@ -60,7 +60,7 @@ class NormalEquations:
         return cls(hessian, gradient, whole, (shared + shared.transpose(0, 2, 1)) / 2, variance)
 
     def moved(self, state: State) -> tuple[State, np.ndarray]:
-        """Where the step leads, and (k, 6) where it would by the scans alone."""
+        """The state after the step, and (k, 6) the step by the scans alone."""
         step = alone = self._step_alone(state)
         if state.prior is not None:
             step = posterior_step(alone, self._usual_covariance(), state.prior)
@@ -74,15 +74,15 @@ class NormalEquations:
         return moved, alone
 
     def _usual_covariance(self) -> np.ndarray:
-        """(k, 6, 6) of where the planes of all pairs have the pose, those that move it or not."""
+        """Covariance (k, 6, 6) of the pose by the planes of all pairs, those at rims too."""
         shared = self.shared.copy()
         if shared.shape[1] == 8:
             shared[:, 6:, 6:] += _known_stretch(self.variance)
         return usual_covariance(_damped(_of_pose(self.whole)), _of_pose(shared), self.variance)
 
     def _step_alone(self, state: State) -> np.ndarray:
-        """(k, 6) of the pose, where both scans are stretched by opposite shares: what both stretches have in common
-        must not be sought where gaps are smallest, as scans that shrink have smaller gaps."""
+        """(k, 6) step of the pose, with the change of the stretches restricted to opposite ones: minimizing distances
+        over a common stretch would shrink both scans."""
         hessian, gradient = self.hessian, self.gradient
         if state.stretch is not None:
             common = state.stretch.mean(axis=1)[:, None, None] * np.ones((2, 1))
@@ -93,7 +93,7 @@ class NormalEquations:
         return -np.linalg.solve(_damped(_of_pose(hessian)), gradient[:, :6, None] - rest)[:, :, 0]
 
     def _stretched(self, stretch: np.ndarray, step: np.ndarray, measured: bool) -> np.ndarray:
-        """(k, 2) the stretches after a step of the pose; opposite ones unless something else `measured` the pose."""
+        """(k, 2) stretches after a step of the pose; they change oppositely unless instruments `measured` the pose."""
         free = np.eye(2) if measured else _OPPOSITE[6:, 6:]
         rest = self.gradient[:, 6:] + (self.hessian[:, 6:, :6] @ step[:, :, None])[:, :, 0]
         change = np.linalg.solve(free.T @ self.hessian[:, 6:, 6:] @ free, (rest @ free)[:, :, None])
@@ -101,25 +101,25 @@ class NormalEquations:
 
 
 def _known_stretch(variance: np.ndarray) -> np.ndarray:
-    """(k, 2, 2) what is known of both scans' stretches before, where gaps have the (k,) variances."""
+    """(k, 2, 2) prior information of both stretches, in units of the (k,) variances of the distances."""
     return (variance / CALIBRATION.stretched**2)[:, None, None] * np.eye(2)
 
 
 def _of_pose(hessian: np.ndarray) -> np.ndarray:
-    """(k, 6, 6) of the pose, whatever the stretches are: the Schur complement."""
+    """(k, 6, 6) Hessian of the pose with the stretches eliminated: the Schur complement."""
     pose, across, stretch = hessian[:, :6, :6], hessian[:, 6:, :6], hessian[:, 6:, 6:]
     return pose - across.transpose(0, 2, 1) @ np.linalg.solve(stretch, across)
 
 
 def _damped(hessian: np.ndarray) -> np.ndarray:
-    """(k, 6, 6) so that what nothing fixes stays where it is."""
+    """The Hessian (k, 6, 6) with damping, so that the step is 0 in unconstrained directions."""
     damping = 1e-9 * (np.trace(hessian, axis1=1, axis2=2) + 1e-9)
     return hessian + damping[:, None, None] * np.eye(6)
 
 
 def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """(k, 6, 6) of where the planes have the pose, as errors usually are: in directions that noise alone seems to fix
-    the scans are worth a tenth as much. Arguments as of `NormalEquations`."""
+    """Covariance (k, 6, 6) of the pose by the planes, without rare large errors, but larger in directions that noise
+    alone seems to constrain. For the arguments see `NormalEquations`."""
     inverse = np.linalg.inv(np.linalg.cholesky(hessian))
     share, axes = np.linalg.eigh(inverse @ shared @ inverse.transpose(0, 2, 1))
     doubt = np.clip(CALIBRATION.usual * _AGREEING / np.maximum(share, 1e-9), CALIBRATION.usual, 1.0)
@@ -127,40 +127,38 @@ def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: np.ndarr
     return (root * (variance[:, None] * doubt)[:, None, :]) @ root.transpose(0, 2, 1)
 
 
-# How far surfaces usually are apart is measured where points may be at least 3 voxels apart. Nearer than that, rims no
-# longer move the pose: they would draw the rims of what both scans saw together, and these move with the sensor (Turk
-# and Levoy, DOI 10.1145/192161.192241).
+# The width is measured at reaches of at least 3 voxels. At smaller reaches rims do not move the pose: they would draw
+# the rims of both views together, which move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
 _WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
-# Share of the noise of both scans' normals that is the same where a sensor sees the same from nearly the same place, as
-# it follows the pattern of the beams.
+# Correlation of the noise of both scans' normals if they are seen from nearly the same place, as the noise follows the
+# pattern of the beams.
 _ALIKE = 0.06
-_FULL = 3000  # points of each scan that information and `Calibration` are for
+_FULL = 3000  # points of each scan that the information is scaled to, as in `Calibration`
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
     R: Rotation  # (k,) rotations
     shifts: np.ndarray  # (k, 3) p_target = R p_source + shift about the grid centers [voxels]
-    # (k,) how far the surfaces usually are apart, as an earlier fit has it [voxels]; 0 where that is not known. Where
-    # this is more than the reaches leave, points of all that the noise or the distortion moves take part, not of a
-    # chance layer.
+    # (k,) typical distance of the surfaces by an earlier fit [voxels]; 0 if unknown. If it is large for the
+    # reaches, the weights are widened to include all points that noise or distortion displaces, not a chance layer.
     widths: np.ndarray
-    # whether the ranges of each scan may be off by a share, which is estimated with the pose: a speed of sound that is
-    # wrong stretches all that a sensor sees away from it
+    # whether a scale error of each scan's ranges is estimated with the pose, as a wrong speed of sound stretches the
+    # scan away from the sensor
     stretches: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    reaches: tuple[float, ...]  # of each step, at least one, how far apart points of a pair may be [voxels]
-    points: int  # how many points of each scan are used
+    reaches: tuple[float, ...]  # of each step, at least one: largest distance of paired points [voxels]
+    points: int  # largest number of points of each scan
 
 
 class Refined:
-    """Refinements from k places, on their way to the host; `poses`, where they lead, are as `upload_poses` has them."""
+    """k refinements whose results are on the device; `poses` are the refined ones, in the layout of `upload_poses`."""
 
     def __init__(self, device: Device, last: LastStep, prior: PriorTerm | None, stretches: bool) -> None:
-        """What `refine` has queued; what instruments say of the last step is said on the host, and at once."""
+        """Take the last step from the device's queue; with a prior, read it at once and finish it on the host."""
         self.poses, self._last, self._stretches = last.poses, last, stretches
         self._fits: list[Fit] | None = None
         if prior is not None:
@@ -169,7 +167,7 @@ class Refined:
             self.poses = upload_poses(device, turns.as_matrix(), np.array(shifts))
 
     def read(self) -> list[Fit]:
-        """Where they lead, and what the surfaces say there."""
+        """The refined poses with their information; waits for the device."""
         return _fits(self._last.read(), None, self._stretches) if self._fits is None else self._fits
 
 
@@ -181,10 +179,10 @@ def refine(
     stages: Sequence[Stage],
     prior: PriorTerm | None = None,
 ) -> Refined:
-    """Queue Gauss-Newton from k places, side by side, as if each were alone; stage by stage, from coarse to fine.
+    """Queue Gauss-Newton refinements of k poses, independent of each other; stage by stage, from coarse to fine.
 
-    The device takes all steps without a read, but with a prior, which counts beside the planes in each step: then, or
-    with stretches, in a single stage.
+    The device takes all steps without a read, except with a prior, which is combined with the planes in each step.
+    With a prior or stretches there must be a single stage.
     """
     *before, last = stages
     stretches = begin.stretches
@@ -208,7 +206,7 @@ def refine(
 
 
 def _refinement(device: Device, target: Surface, source: Surface, most: int, stretches: bool) -> Refinement:
-    """By `most` points of each scan at most."""
+    """The device's refinement with at most `most` points of each scan."""
     elements = target.elements, source.elements
     scale = sum(min(len(each), _FULL) for each in elements) / sum(each.thinned(most)[0] for each in elements)
     stretching = None
@@ -219,13 +217,13 @@ def _refinement(device: Device, target: Surface, source: Surface, most: int, str
 
 
 def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:
-    """Where the poses are and what the pairs there say."""
+    """The state on the host, and the normal equations there."""
     state = State(record.turn, record.shift, record.width, record.stretch if stretches else None, prior)
     return state, NormalEquations.of(record, state)
 
 
 def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]:
-    """Where the last step leads, and what was measured before it."""
+    """The fits after the last step, with the information measured before it."""
     state, normal = _equations(record, prior, stretches)
     if prior is None:
         stretch = record.next_stretch if stretches else None

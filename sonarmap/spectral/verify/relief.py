@@ -1,8 +1,8 @@
-"""Where two beds of little relief lie on each other: their heights, compared at every turn and shift over the bed.
+"""Alignment of two beds of little relief by correlating their heights at all turns and shifts over the bed.
 
-Where beams lie farther apart than voxels, the lines that they draw on a bed correlate best where nothing has moved, and
-the spectra of a bed hardly tell how it is turned. In heights no such line is left. What their planes leave of the pose
-is one turn and two shifts: all of these are tried, by the masked normalized cross-correlation of Padfield (2012, DOI
+If beams are farther apart than voxels, the lines that they draw on a bed correlate best at the identity, and the
+spectra of a bed hardly show its heading. Heights do not contain these lines. The beds' planes leave one turn and two
+shifts, which are searched exhaustively by the masked normalized cross-correlation of Padfield (2012, DOI
 10.1109/TIP.2011.2181402).
 """
 
@@ -16,21 +16,21 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.prepare.surface import Surface
 
-_CELL = 4.0  # edge of a cell, about as far as beams lie apart [voxels]
-_TURNS = 45  # that are tried, 8 degrees apart
-_LEVEL = 0.8  # least mean square of the normals of a bed along one direction
-# A point farther from the usual height than both is none of the bed.
-_OUTLYING = 6.0  # times as far as points usually are
+_CELL = 4.0  # edge of a cell, about the spacing of beams [voxels]
+_TURNS = 45  # number of turns, 8 degrees apart
+_LEVEL = 0.8  # minimum mean square of a bed's normals along one direction
+# Points farther than both from the median height are outliers.
+_OUTLYING = 6.0  # [median absolute deviations]
 _NEAR = 2.0  # [voxels]
-# Less says nothing.
-_SHARED = 0.25  # cells in common, as a share of what the smaller surface shows
+# Minima for a significant match.
+_SHARED = 0.25  # cells in common, as a share of the smaller surface
 _ALIKE = 0.2  # correlation of the heights
 _SAME = 3  # places of neighboring turns no farther apart along either axis are the same [cells]
 
 
 @dataclass(frozen=True, slots=True)
 class AlikePlaces:
-    """Poses of a source: k rotations, and (k, 3) shifts [voxels]; and (k,) how alike heights are there, best first."""
+    """Poses of a source, best first: k rotations, (k, 3) shifts [voxels], and (k,) similarities of the heights."""
 
     R: Rotation
     shifts: np.ndarray
@@ -38,18 +38,18 @@ class AlikePlaces:
 
 
 def is_level(surface: Surface) -> bool:
-    """Whether a surface is a bed: it holds a turn about its normal, and shifts along it, weakly."""
+    """Whether a surface is a level bed, which constrains the turn about its normal and shifts along it weakly."""
     return _usual_normal(surface)[1] >= _LEVEL
 
 
 def alike_places(
     target: Surface, source: Surface, allowed: Callable[[Rotation], np.ndarray], count: int
 ) -> AlikePlaces:
-    """The `allowed` poses of the source, at most `count`, at which the heights of both beds over their planes are most
-    alike.
+    """The `allowed` poses of the source, at most `count`, with the highest similarity of both beds' heights over their
+    planes.
 
-    How alike is Fisher's transform of the correlation, times the root of the number of cells in common: the same
-    correlation says more of many cells.
+    Similarity is Fisher's transform of the correlation, times the root of the number of cells in common: the same
+    correlation is more significant with more cells.
     """
     ours, theirs = _Bed.of(target), _Bed.of(source)
     if not (target.rays.any() and source.rays.any()) and ours.axes[:, 2] @ theirs.axes[:, 2] < 0:
@@ -69,7 +69,7 @@ def alike_places(
 
 
 def _usual_normal(surface: Surface) -> tuple[np.ndarray, float]:
-    """The direction, toward the sensor where known, along which the mean square of the normals is largest; and that."""
+    """Direction of the largest mean square of the normals, toward the sensor if known, and this mean square."""
     normals = surface.normals.astype(np.float64)
     squares, axes = np.linalg.eigh(normals.T @ normals / len(normals))
     away = surface.rays.sum(axis=0) @ axes[:, 2] > 0
@@ -77,7 +77,7 @@ def _usual_normal(surface: Surface) -> tuple[np.ndarray, float]:
 
 
 def _distinct(rows: np.ndarray, count: int) -> np.ndarray:
-    """Of places, turn and shift in their first columns, best first, those beside no better one, `count` at most."""
+    """Rows (turn, shift, ...), best first, without those near a better one; at most `count`."""
     chosen: list[int] = []
     for k, row in enumerate(rows):
         apart = np.abs(rows[chosen, :3] - row[:3])
@@ -93,7 +93,7 @@ def _distinct(rows: np.ndarray, count: int) -> np.ndarray:
 class _Bed:
     axes: np.ndarray  # (3, 3) in columns, right-handed: two along the plane, and its normal
     middle: np.ndarray  # (3,) on the plane [voxels]
-    places: np.ndarray  # (n, 3) from the middle, along the axes: the third is the height [voxels]
+    places: np.ndarray  # (n, 3) points relative to the middle, along the axes; the third is the height [voxels]
 
     @classmethod
     def of(cls, surface: Surface) -> "_Bed":
@@ -107,30 +107,30 @@ class _Bed:
         return cls(axes, middle, (bed - middle) @ axes)
 
     def turned_over(self) -> "_Bed":
-        """The same points, their plane's normal on the other side."""
+        """The bed with its plane's normal reversed."""
         over = np.array([1.0, -1.0, -1.0])
         return _Bed(self.axes * over, self.middle, self.places * over)
 
 
 @dataclass(frozen=True, slots=True)
 class Heights:
-    first: np.ndarray  # (2,) int, number of the first cell along both axes
+    first: np.ndarray  # (2,) int, index of the first cell along both axes
     shown: np.ndarray  # (a, b) 1.0 where there are points, else 0.0
     heights: np.ndarray  # (a, b) [voxels]
 
     @classmethod
     def of(cls, places: np.ndarray, least: np.ndarray, most: np.ndarray) -> "Heights":
-        """Of points (n, 3), the third coordinate their height, whose others lie between two bounds (2,)."""
+        """Heights, the third coordinate, of points (n, 3), whose others lie between `least` and `most` (2,)."""
         first, last = _cells(least), _cells(most)
         cell, shape = _cells(places[:, :2]) - first, tuple((last - first + 1).tolist())
-        index = np.ravel_multi_index(tuple(cell.T), shape, mode="clip")  # a bound may be rounded
+        index = np.ravel_multi_index(tuple(cell.T), shape, mode="clip")  # the clip allows for rounding of the bounds
         filled = np.bincount(index, minlength=int(np.prod(shape)))
         heights = np.bincount(index, places[:, 2], len(filled)) / np.maximum(filled, 1)
         return cls(first, (filled > 0).astype(np.float64).reshape(shape), heights.reshape(shape))
 
     def alike(self, sources: Iterable["Heights"]) -> Iterator[np.ndarray]:
-        """Of each source, all of one shape, (k, 4), best first: shifts [cells], how much higher it then has to be, and
-        how alike it is."""
+        """Matches (k, 4) of each source, best first: shift along both axes [cells], height offset, and similarity. All
+        sources have one shape."""
         shape: tuple[int, ...] = ()
         ours: list[np.ndarray] = []
         for source in sources:
@@ -141,11 +141,11 @@ class Heights:
             yield self._alike(source, ours, shape)
 
     def _alike(self, source: "Heights", a: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-        """Of one source; `a` are our spectra of that shape."""
+        """Matches (k, 4) of one source; `a` are the spectra of these heights at that shape."""
         b = [np.conj(spectrum) for spectrum in source._spectra(shape)]
 
         def together(i: int, j: int) -> np.ndarray:
-            """By shift, the sum over the cells in common of powers of our heights times powers of theirs."""
+            """Sum over the cells in common, by shift, of our heights to the power i times theirs to j."""
             return np.asarray(fft.irfft2(a[i] * b[j], shape))
 
         cells = np.maximum(together(0, 0), 1e-9)
@@ -157,12 +157,12 @@ class Heights:
         peaks = np.argwhere((maximum_filter(alike, 3, mode="wrap") == alike) & (alike > 0))
         peaks = peaks[np.argsort(-alike[tuple(peaks.T)], kind="stable")]
         at = tuple(peaks.T)
-        # a correlation is cyclic: where the source starts before the target, the shift is below 0
+        # the correlation is cyclic: peaks past the target's shape are negative shifts
         steps = np.where(peaks >= np.array(self.shown.shape), peaks - np.array(shape), peaks)
         return np.column_stack([steps + self.first - source.first, (mean - other)[at], alike[at]])
 
     def _spectra(self, shape: tuple[int, ...]) -> list[np.ndarray]:
-        """Of which cells are shown, of their heights and of these squared."""
+        """Spectra of the mask of shown cells, of the heights, and of the squared heights."""
         return [np.asarray(fft.rfft2(plane, shape)) for plane in (self.shown, self.heights, self.heights**2)]
 
 

@@ -1,9 +1,9 @@
-"""Where would the scan lie under each rotation, and do the two scans then agree with what they saw?
+"""Candidate shifts under each rotation, and the evidence for poses: views, surfaces and correlations.
 
-Coarse to fine. On a grid of about half the edge, 64 voxels at most, every rotation gets its translation correlation, of
-which several peaks are taken, each with all shifts that a cyclic one stands for; points before the other scan's surface
-contradict. The best few distinct ones are refined and compared on the whole grid, and at the best of all the
-correlation along the directions that the planes fix least shows how sharply the scans agree.
+Candidates come from a coarse grid of about half the edge, 64 voxels at most: several peaks of each rotation's
+translation correlation, with all shifts that a cyclic one may stand for. Points in front of the other scan's surface
+contradict a candidate. The best few distinct ones are refined and compared on the whole grid. At the best pose the
+correlation along the least constrained directions measures the observability.
 """
 
 from collections.abc import Sequence
@@ -27,31 +27,31 @@ from sonarmap.spectral.verify.fit import Fit, firmness
 from sonarmap.spectral.verify.hypothesis import Candidates, Evidence, Hypothesis
 
 # Distances along a direction [coarse voxels].
-BANDS = ((1.5, 3.0), (3.0, 6.0), (6.0, 12.0))  # of each the highest correlation counts
+BANDS = ((1.5, 3.0), (3.0, 6.0), (6.0, 12.0))  # bands in which the highest correlation is taken
 _STEP = 0.5
-_PEAK = 1.0  # the peak is the highest correlation no farther off
-_TURN = float(np.deg2rad(10.0))  # either way [rad]
-TURNED = 2  # axes
-# What a correlation beside the peak is at least and at most, as a share of it.
+_PEAK = 1.0  # largest distance of the peak
+_TURN = float(np.deg2rad(10.0))  # turn in both directions [rad]
+TURNED = 2  # number of axes to turn about
+# Range that correlations beside the peak are clipped to, as shares of it.
 _LEAST_LEFT = 0.02
 _MOST_LEFT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class Observability:
-    """What is left of the translation's correlation beside a pose, as shares of its peak: 1 where nothing changes."""
+    """Correlation of the translation beside a pose, as shares of its peak; 1 along an unconstrained direction."""
 
-    axes: np.ndarray  # (3, 3) in columns, directions in the target's axes, the least fixed first
-    # (3, bands, whitenings) the highest along each direction, either way, of each of BANDS and WHITENINGS
+    axes: np.ndarray  # (3, 3) in columns, directions in the target's axes, the least constrained first
+    # (3, bands, whitenings) highest along each direction, of both signs, in each of BANDS and for each of WHITENINGS
     slides: np.ndarray
-    turns: np.ndarray  # (TURNED,) about each of the least fixed axes, the higher one of both ways; phase only
+    turns: np.ndarray  # (TURNED,) about each of the least constrained axes, the higher of both signs; phase only
 
 
 def observe_directions(
     correlation: Translation, target: CoarseVolume, source: CoarseVolume, fit: Fit, scale: float
 ) -> Pending[Observability]:
-    """Queue the correlations of two scans about a pose, by the coarse grid and with WHITENINGS, along the directions
-    that its information fixes least; `scale` is coarse voxels in a voxel."""
+    """Queue the correlations of two scans about a pose, on the coarse grid and for each of WHITENINGS, along the
+    directions of least information; `scale` is the ratio of a voxel to a coarse voxel."""
     turning, shifting = weakest(fit.information)
     steps = np.arange(-BANDS[-1][1], BANDS[-1][1] + _STEP / 2, _STEP)
     places = fit.shift * scale + (shifting.T[:, None] * steps[:, None]).reshape(-1, 3)
@@ -73,13 +73,13 @@ def observe_directions(
 
 
 def weakest(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The directions (3, 3) of turns and of shifts, in columns, by (6, 6) information, the least fixed first. Of each
-    what is left where the other is free to follow."""
+    """Directions (3, 3) of turns and of shifts, in columns, the least constrained first, by (6, 6) information; the
+    other block is marginalized out of each."""
     axes = []
-    for own, other in ((slice(0, 3), slice(3, 6)), (slice(3, 6), slice(0, 3))):
-        across = information[own, other]
-        left = information[own, own] - across @ np.linalg.pinv(information[other, other], 1e-6, True) @ across.T
-        axes.append(np.linalg.eigh((left + left.T) / 2)[1])
+    for block, other in ((slice(0, 3), slice(3, 6)), (slice(3, 6), slice(0, 3))):
+        across = information[block, other]
+        marginal = information[block, block] - across @ np.linalg.pinv(information[other, other], 1e-6, True) @ across.T
+        axes.append(np.linalg.eigh((marginal + marginal.T) / 2)[1])
     return axes[0], axes[1]
 
 
@@ -87,34 +87,34 @@ def _share(values: np.ndarray) -> np.ndarray:
     return np.clip(values, _LEAST_LEFT, _MOST_LEFT)
 
 
-# A point has a counterpart within reach, if the normals there are within 37 degrees of each other [voxels; cosine].
-# Where the other scan has a point so near that it covers this one, it shows that place, and should show the point.
+# A counterpart is a point within `reach` [voxels] whose normal is within 37 degrees (`alike`, cosine). A point is
+# covered if the other scan has a point within `covered` [voxels], so that it should show the point too.
 _NEARNESS = Nearness(reach=2.0, covered=6.0, alike=0.8)
-# A share that is small beside this hardly counts.
+# Added to denominators, so that shares of very few points are small.
 _LEAST = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class SharedSurface:
-    """Shares of two scans' surfaces, the mean of both ways, 0..1; all directions of normals count alike."""
+    """Shares of two scans' surfaces, 0..1, mean of both ways, weighted to balance the directions of normals."""
 
-    agree: float  # has a counterpart in the other scan, facing the same direction
-    covered: float  # lies where the other scan shows something
-    # has a point of the other scan within 2 voxels, whatever it faces, each point counting once; the smaller of both
-    # ways
+    agree: float  # share with a counterpart in the other scan that faces the same direction
+    covered: float  # share near any point of the other scan
+    # share with a point of the other scan within 2 voxels, whatever it faces, not weighted; the smaller of both
+    # directions
     overlap: float
 
     @property
     def consistency(self) -> float:
-        """Of what both should show, what both do, 0..1; a small number where they should show little."""
+        """Share of agreeing among covered points, 0..1; small if few are covered."""
         return self.agree / (self.covered + _LEAST)
 
 
 def shared_surfaces(
     device: Device, target: Surface, source: Surface, poses: Array, most: int
 ) -> Pending[list[SharedSurface]]:
-    """Queue what the scans share under each of k poses, p_target = R p_source + t about the grid centers [voxels], by
-    at most `most` points of each."""
+    """Queue the shared surfaces under each of k poses, p_target = R p_source + t about the grid centers [voxels], with
+    at most `most` points of each scan."""
     ours, theirs = (WeightedElements(surface.elements, surface.direction_weights) for surface in (target, source))
     queued = shared_sums(device, ours, theirs, poses, most, _NEARNESS)
 
@@ -127,33 +127,33 @@ def shared_surfaces(
     return Pending(read)
 
 
-_PEAKS = 8  # of a rotation's translation that are followed
-_SEPARATION = 2.0  # between these [coarse voxels]
-_FARTHEST = 0.92  # a longer shift along an axis leaves the scans nothing in common [share of the grid's edge]
-_SAME_ROTATION = float(np.deg2rad(9.0))  # candidates nearer than this to each other are the same [rad]
-# Of scans without a viewpoint the highest candidates are scored by their points in common.
-_BY_POINTS = 60  # candidates
-_POINTS = 400
-SURFACE_POINTS = 1200  # by which a refined hypothesis' shared surface is measured
-_WRAPS = np.array(list(product((False, True), repeat=3)))  # along which axes a cyclic shift is wrapped
-_WEIGHT = 4.0  # of a contradiction, in agreements
+_PEAKS = 8  # peaks of the translation for each rotation
+_SEPARATION = 2.0  # minimum distance between these peaks [coarse voxels]
+_FARTHEST = 0.92  # largest shift along an axis at which scans overlap [share of the grid's edge]
+_SAME_ROTATION = float(np.deg2rad(9.0))  # candidates closer than this are the same [rad]
+# Without viewpoints only the highest candidates are scored, by their shared surfaces.
+_BY_POINTS = 60  # number of candidates
+_POINTS = 400  # points of each scan
+SURFACE_POINTS = 1200  # points of each scan for the shared surface of a refined hypothesis
+_WRAPS = np.array(list(product((False, True), repeat=3)))  # axes along which a cyclic shift is wrapped
+_WEIGHT = 4.0  # weight of a contradiction, in agreements
 
 
 def consistency(agree: np.ndarray, contradict: np.ndarray) -> np.ndarray:
-    """The share of agreeing points among those that agree or contradict, 0..1; a contradiction counts several times.
-    Not a share of all points: of scans that have little in common few can agree."""
+    """Share of agreeing points among those that agree or contradict, 0..1; a contradiction counts several times. It is
+    not a share of all points, as few can agree if scans overlap little."""
     return agree / (agree + _WEIGHT * contradict + _LEAST)
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What the scans show of k poses: the surfaces they share, and their views by a tight and by a wide tolerance."""
+    """Observations of k poses: the shared surfaces, and the views with a tight and with a wide tolerance."""
 
     surfaces: list[SharedSurface]
     views: list[Visibility]
 
     def evidence(self, fits: Sequence[Fit]) -> list[Evidence]:
-        """Of these poses, which are refined."""
+        """Evidence of the poses, whose refinements are `fits`."""
         fine, coarse = (consistency(view.agree, view.contradict).tolist() for view in self.views)
         firm = firmness(np.stack([fit.information for fit in fits]), np.array([fit.pairs for fit in fits])).tolist()
         return [
@@ -173,11 +173,11 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    count: int  # how many at most
-    # how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs
+    count: int  # largest number of candidates
+    # largest distance of a point from the surface [voxels; share of the range]; None: for the coarse grid
     tolerance: tuple[float, float] | None = None
-    apart: float = SAME_SHIFT  # candidates of alike rotations that are no farther apart are the same [voxels]
-    share: float = 0.0  # those are left out whose score is less than this share of the best's
+    apart: float = SAME_SHIFT  # candidates of similar rotations no farther apart are the same [voxels]
+    share: float = 0.0  # minimum score, as a share of the best one's
 
 
 class Verifier:
@@ -186,7 +186,7 @@ class Verifier:
     def __init__(self, device: Device, edge: int) -> None:
         self.device, self.edge = device, edge
         self.coarse_edge = coarse_edge(edge)
-        # how much farther off its candidates are than those of a grid of half the edge
+        # ratio of the error of coarse candidates to that on a grid of half the edge
         self.coarser = max(1.0, edge / self.coarse_edge / 2)
         self.translation = Translation(device, edge)
         self._coarse = Translation(device, self.coarse_edge, WHITENINGS)
@@ -194,11 +194,10 @@ class Verifier:
     def candidates(
         self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
     ) -> Candidates:
-        """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for.
+        """Several shifts for each rotation, from the coarse grid, with all shifts that a cyclic one may stand for.
 
-        Both whitenings name candidates. What a peak is worth is its height beside the usual highest one of its
-        whitening, over all rotations. A box holds the shifts that are possible under its rotation [voxels of the whole
-        grid]; None for all.
+        Both whitenings give candidates, whose psr is scaled by the ratio of the whitenings' median heights over all
+        rotations. `boxes` holds the allowed shifts under each rotation [voxels of the whole grid]; None for all.
         """
         scale = self.edge / self.coarse_edge
         coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
@@ -209,7 +208,7 @@ class Verifier:
     def fine_candidates(
         self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
     ) -> Candidates:
-        """As `candidates`, from the whole grid: under a refined rotation there are higher peaks, and others."""
+        """Like `candidates`, from the whole grid: refined rotations have higher peaks, and other ones."""
         return self._candidates(self.translation, target.volume, source.volume, rotations, boxes, 1.0)[0]
 
     def _candidates(
@@ -221,7 +220,7 @@ class Verifier:
         boxes: Sequence[Box | None],
         scale: float,
     ) -> list[Candidates]:
-        """For each exponent, with all shifts that a cyclic one stands for where no box bounds them."""
+        """Candidates for each exponent, with all shifts that a cyclic one may stand for if no box bounds them."""
         by_rotation = translation.find_within(target, source, rotations.R, boxes, _PEAKS, _SEPARATION)
         bounded = [translation.is_bounded(box) for box in boxes]
         candidates: list[Candidates] = []
@@ -237,8 +236,8 @@ class Verifier:
         return candidates
 
     def _unwrapped(self, shifts: np.ndarray, bounded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) int64, of which of the cyclic shifts (m, 3), and (n, 3) what these stand for, where that leaves the
-        scans something in common: alone, if bounded (m,)."""
+        """(n,) int64 indices of cyclic shifts (m, 3), and (n, 3) the shifts that these may stand for and at which
+        the scans overlap; a `bounded` (m,) one stands for itself alone."""
         wrapped = shifts - np.copysign(self.edge, shifts)
         unwrapped = np.where(_WRAPS, wrapped[:, None], shifts[:, None])
         allowed = (np.abs(unwrapped) <= _FARTHEST * self.edge).all(axis=2) & ~bounded[:, None]
@@ -267,8 +266,8 @@ class Verifier:
     def observe(
         self, target: SpectralScan, source: SpectralScan, poses: Array, points: int = SURFACE_POINTS
     ) -> Pending[Observation]:
-        """Queue what the scans' views and so many points of their surfaces say of (k, 16) poses between the grids'
-        centers."""
+        """Queue the observation of poses (k, 16) between the grids' centers, by the views and at most `points` points
+        of each surface."""
         views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
         surfaces = shared_surfaces(self.device, target.surface, source.surface, poses, points)
         return Pending(lambda: _observation(views, surfaces))
@@ -276,20 +275,20 @@ class Verifier:
     def measure(
         self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]
     ) -> Pending[list[Hypothesis]]:
-        """Queue the translation's correlation at the poses of hypotheses, which then have these peaks."""
+        """Queue the translation's correlation at the poses of hypotheses, whose psr it becomes."""
         R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
         peaks = self.translation.find_at(target.volume, source.volume, R, shifts)
         return Pending(lambda: _measured(hypotheses, peaks.read()))
 
     def observe_directions(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> Pending[Observability]:
-        """Queue how sharply the scans agree at a refined pose, by the coarse grid."""
+        """Queue the observability at a refined pose, on the coarse grid."""
         return observe_directions(self._coarse, target.coarse, source.coarse, fit, self.coarse_edge / self.edge)
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
     ) -> np.ndarray:
-        """(n,) consistency times the peak's height."""
+        """(n,) scores: consistency times psr."""
         if target.view.ranges is not None or source.view.ranges is not None:
             poses = upload_poses(self.device, candidates.R.as_matrix(), candidates.shifts)
             (seen,) = visibility(self.device, target.view, source.view, poses, [tolerance]).read()
