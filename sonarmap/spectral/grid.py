@@ -1,4 +1,4 @@
-"""The voxel grid that a set of scans shares, and where each scan lies in it."""
+"""The voxel grid that a set of scans shares, and the center of each scan on it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import EDGES, neighbors
 from sonarmap.spectral.scan import Scan
 
-_TRIM = 0.01  # share of the points at either end of an axis that a scan's box leaves out, as stray echoes are
-_FINEST_COARSE = 64  # most voxels along an edge of the coarse grid
-_FINE = 128  # voxels along an edge from which on noise as large as a voxel hides what half as many show
-_FARTHEST = 1e6  # [voxels]
-_MARGIN = 1.2  # of the largest scan's box, which a periodic shift needs to distinguish left from right
+_TRIM = 0.01  # share of points, as stray echoes, that a scan's box leaves out at both ends of each axis
+_FINEST_COARSE = 64  # largest edge of the coarse grid [voxels]
+_FINE = 128  # smallest edge whose pairs are retried on half of it, where noise hides less [voxels]
+_FARTHEST = 1e6  # largest coordinate [voxels]
+_MARGIN = 1.2  # grid over box of the largest scan; a cyclic shift is ambiguous without a margin
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,45 +44,45 @@ class Grid:
     def to_voxels(self, points: np.ndarray, center: np.ndarray) -> np.ndarray:
         """Points (N, 3) [m] about `center` (3,) [m], in voxels relative to the grid's center, float32.
 
-        What lies more than a million voxels away is brought to that distance: far outside any grid, too.
+        Coordinates are clipped to a million voxels, far outside any grid.
         """
         voxels = (points.astype(np.float64) - center) / self.voxel
         return np.clip(voxels, -_FARTHEST, _FARTHEST).astype(np.float32)
 
 
 def coarse_edge(edge: int) -> int:
-    """Voxels per edge of the coarse grid of the same extent: the allowed number nearest to half (in ratio), up to
+    """Voxels per edge of the coarse grid of the same extent: the allowed number nearest to half, in ratio, and at most
     64."""
     return min(_FINEST_COARSE, _half(edge))
 
 
 def second_edge(edge: int) -> int | None:
-    """Voxels per edge of the grid of the same extent on which a fine grid's pairs are tried again; None if not fine."""
+    """Voxels per edge of the grid of the same extent for the coarse-grid retry; None if the grid is not fine."""
     return _half(edge) if edge >= _FINE else None
 
 
 def image_edge(edge: int) -> int:
-    """Pixels per edge of the images that the magnitude spectrum is unwrapped to: an allowed multiple of 16."""
+    """Pixels per edge of the magnitude spectrum's unwraps: the smallest allowed multiple of 16 not below `edge`."""
     return next(allowed for allowed in EDGES if allowed >= edge and allowed % 16 == 0)
 
 
 def scan_center(scan: Scan) -> np.ndarray:
-    """Center (3,) [m, sensor frame] of the scan's trimmed bounding box, where the grid's center is put: the scan fills
-    the grid however far from the sensor it lies."""
+    """Center (3,) [m, sensor frame] of the scan's trimmed bounding box, used as the grid's center so that a scan far
+    from its sensor fills the grid too."""
     low, high = trimmed_box(scan)
     return (low + high) / 2
 
 
 def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = None) -> Grid:
-    """The grid for a set of scans: the voxel as given, or so large that the largest scan fits with a margin.
+    """The grid for a set of scans: with the given voxel, or one with which the largest scan fits with a margin.
 
     Args:
-        scans: that share the grid.
+        scans: the scans that share the grid.
         edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512.
         voxel: edge of a voxel [m]; None to choose it.
 
     Raises:
-        InputError: a voxel is not given and no scan has an extent (all points of each in one place), or one is no Scan.
+        InputError: without a voxel, if no scan has an extent (all points of each in one place) or one is no Scan.
     """
     if voxel is None:
         if not np.iterable(scans):
@@ -103,15 +103,15 @@ def voxel_for(extent: float, edge: int) -> float:
 
 
 def scan_extent(scan: Scan) -> float:
-    """The longest edge of the scan's trimmed bounding box [m]; InputError of what is no Scan."""
+    """Longest edge of the scan's trimmed bounding box [m]; InputError if it is no Scan."""
     if not isinstance(scan, Scan):
-        raise InputError(f"`scans` have {scan!r} among them; wanted a list of Scan")
+        raise InputError(f"`scans` contain {scan!r}; wanted a list of Scan")
     low, high = trimmed_box(scan)
     return float(np.max(high - low))
 
 
 def trimmed_box(scan: Scan) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest and the highest corner (3,) [m, sensor frame] of the scan's points but for the outermost 1 %."""
+    """Lowest and highest corner (3,) [m, sensor frame] of the scan's points without the outermost 1 % of each axis."""
     low, high = np.quantile(scan.points, [_TRIM, 1 - _TRIM], axis=0).astype(np.float64)
     return low, high
 

@@ -1,4 +1,4 @@
-"""Points of many scans, in memory as long as they are few, else on disk: they are read back where they are used."""
+"""Storage for the points of many scans: in memory up to a limit, beyond it in memory-mapped files."""
 
 import os
 import tempfile
@@ -7,13 +7,13 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 
-_IN_MEMORY = 1 << 26  # bytes that scans may take of memory; of more the rest is on disk
-_CHUNK = 1 << 26  # bytes of a file that are mapped together
-_ALIGNED = 64  # bytes
+_IN_MEMORY = 1 << 26  # bytes of scans to keep in memory; further ones go to disk
+_CHUNK = 1 << 26  # size of a mapped file [bytes]
+_ALIGNED = 64  # alignment of arrays in a file [bytes]
 
 
 class PointStore:
-    """Keeps arrays, of `in_memory` bytes as they are; they stay valid for as long as anything refers to them."""
+    """Stores arrays, the first `in_memory` bytes in memory; each stays valid as long as it is referenced."""
 
     def __init__(self, in_memory: int = _IN_MEMORY) -> None:
         self._left = in_memory
@@ -21,7 +21,7 @@ class PointStore:
         self._used = 0
 
     def keep(self, array: np.ndarray) -> np.ndarray:
-        """The same values, from now on. Raises InputError: there is no room on disk."""
+        """The stored array, of the same values, to use instead. Raises InputError if the disk is full."""
         self._left -= array.nbytes
         if self._left >= 0:
             return array
@@ -35,11 +35,11 @@ class PointStore:
 
 
 def _new_chunk(size: int) -> np.ndarray:
-    """(size,) uint8 in a file without a name, which is gone when nothing refers to it."""
+    """Array (size,) uint8 in a temporary file, which is deleted with its last reference."""
     try:
         with tempfile.TemporaryFile(prefix="sonarmap.") as file:
             if hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(file.fileno(), 0, size)  # or a full disk would end the process later
+                os.posix_fallocate(file.fileno(), 0, size)  # else a full disk would kill the process later
             return np.memmap(file, np.uint8, "r+", shape=(size,)).view(np.ndarray)
     except OSError as error:
         raise InputError(

@@ -12,15 +12,15 @@ from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
 from sonarmap.kernels.pomf.peak import Peak
 
-# Standard deviation of the Gaussian that the correlation is convolved with [voxels]. Noise of the scans and the
-# voxels' edges spread the peak over its neighbors; without the blur the highest voxel is often a wrong one.
+# Standard deviation of the Gaussian that the correlation is smoothed with [voxels]. Noise and voxelization spread the
+# true peak over its neighbors; without smoothing the highest voxel is often a wrong one.
 BLUR = 0.7
-# Shifts that are no farther apart than this are the same answer [voxels].
+# Shifts no farther apart than this are the same answer [voxels].
 SAME_SHIFT = 6.0
 
 
 class Volume(Protocol):
-    """What of a scan is needed: `Prepared` has it, and so has a scan on a coarser grid."""
+    """Points and spectra of a scan on a grid, such as `Prepared` or `CoarseVolume`."""
 
     @property
     def points(self) -> Array:
@@ -29,27 +29,27 @@ class Volume(Protocol):
 
     @property
     def spectra(self) -> tuple[Array, ...]:
-        """Device (N, N, `row_pitch(N)`) complex64 each, the spectrum of the volume whitened with each exponent."""
+        """Spectra of the volume, one whitened with each exponent: device (N, N, `row_pitch(N)`) complex64."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
     center: np.ndarray  # (3,) whole numbers [voxels]
-    half: np.ndarray  # (3,) the largest distance from it along each axis [voxels]
+    half: np.ndarray  # (3,) half widths along each axis [voxels]
 
 
 class Translation:
-    """POMF of the target with the source turned into the target's orientation, on one device and grid."""
+    """POMF of the target with the source rotated into the target's axes, on one device and grid."""
 
     def __init__(self, device: Device, edge: int, exponents: tuple[float, ...] = (1.0,)) -> None:
-        """Plan the correlations; the volumes to correlate are whitened with the same exponents."""
+        """Plan the correlations of volumes whitened with these exponents."""
         self.device, self.edge, self.exponents = device, edge, exponents
         self._correlator = Correlator(device, edge, BLUR, exponents, at_once(edge))
 
     def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
-        """The highest peak of the correlation with the first exponent: at s p_target = R p_source + s about the grid
-        centers. The points are turned and put into voxels anew: turning the voxel data would blur them."""
+        """The highest peak of the correlation with the first exponent, at s where p_target = R p_source + s about the
+        grid centers. The rotated points are voxelized again, as rotating the voxels would blur them."""
         return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 1, 3.0)[0][0][0]
 
     def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:
@@ -66,10 +66,10 @@ class Translation:
         count: int,
         separation: float,
     ) -> list[list[list[Peak]]]:
-        """For each of m rotations and each exponent the `count` highest peaks within its box, or all that are.
+        """The `count` highest peaks, or fewer, for each of m rotations and each exponent, within the rotation's box.
 
-        They are farther than `separation` [voxels] apart. Within a box a peak's shift is what it names, and what the
-        box moves out of the grid takes no part; without a box (None) a shift is one of those that are cyclically equal.
+        Peaks are farther than `separation` [voxels] apart. Within a box a peak's shift is the true one, and points that
+        the box's center moves out of the grid are left out; without a box (None) shifts are cyclic.
         """
         bounds = [box if self.is_bounded(box) else None for box in boxes]
         poses = [
@@ -83,13 +83,13 @@ class Translation:
         ]
 
     def is_bounded(self, box: Box | None) -> bool:
-        """Whether a box is smaller than the grid."""
+        """Whether there is a box and it is smaller than the grid."""
         return box is not None and bool((box.half < self.edge / 2).all())
 
     def find_at(
         self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray
     ) -> Pending[list[Peak]]:
-        """The highest places within a voxel of shifts (m, 3) [voxels], one for each of m rotations; also on slopes."""
+        """The highest values within a voxel of shifts (m, 3) [voxels], one for each of m rotations, peaks or not."""
         poses = [Pose(R) for R in R_target_source.as_matrix()]
         places = np.rint(shifts).astype(np.int64)
         return self._correlator.near(source.points, poses, target.spectra, places)
@@ -97,5 +97,5 @@ class Translation:
     def profile(
         self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray
     ) -> Pending[np.ndarray]:
-        """(exponents, m) the correlations under one rotation at shifts (m, 3) [voxels]."""
+        """(exponents, m) correlations under one rotation at shifts (m, 3) [voxels]."""
         return self._correlator.at(source.points, Pose(R_target_source.as_matrix()), target.spectra, shifts)

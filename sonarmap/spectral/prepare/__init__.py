@@ -1,6 +1,6 @@
-"""What one scan contributes to every pair, computed once.
+"""What a scan contributes to all its pairs, computed once.
 
-In: a `Scan` and the grid. Out: `Prepared` (voxels and spectra), which both methods use; for the spectral method also
-the surface with normals, the range image of what the sensor saw, and the signature for place recognition, all together
-in a `SpectralScan`.
+In: a `Scan` and the grid. Out: `Prepared` (voxels and spectra), which both methods use, and for the spectral method a
+`SpectralScan`, which adds the surface with normals, the sensor's range images, and the signature for place
+recognition.
 """

@@ -16,20 +16,20 @@ from sonarmap.spectral.grid import Grid, scan_center
 from sonarmap.spectral.memory import MemoryPlan, require_memory
 from sonarmap.spectral.scan import Scan
 
-_FEWEST_VOXELS = 20  # occupied ones, below which there is no structure to register
-_LEAST_INSIDE = 0.5  # a grid that holds a smaller share of a scan's points does not show that scan
-_FLATTEST = 0.3  # least standard deviation from the best plane of a scan that shows more than the plane [voxels]
+_FEWEST_VOXELS = 20  # minimum number of occupied voxels
+_LEAST_INSIDE = 0.5  # minimum share of a scan's points inside of the grid
+_FLATTEST = 0.3  # minimum standard deviation of points from the best plane, else the scan is a plane [voxels]
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A scan on the grid, and its spectrum; it lives on the device that prepared it."""
+    """A scan on the grid, with its spectrum; its arrays are on the device that prepared it."""
 
-    name: str  # the scan's
-    center: np.ndarray  # (3,) [m, sensor frame], the grid's center
+    name: str  # of the scan
+    center: np.ndarray  # (3,) the grid's center [m, sensor frame]
     points: Array  # device (n, 4) float32 [voxels from the center; weight]
-    surface: np.ndarray  # (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid
-    cells: Cells  # the same on the device, to search among
+    surface: np.ndarray  # (m, 3) float64 [voxels from the center], a point per occupied voxel, also outside the grid
+    cells: Cells  # the surface on the device, sorted for search
     spectrum: Array  # device (N, N, `row_pitch(N)`) complex64, spectrum of the volume, phase only
 
     @property
@@ -39,18 +39,18 @@ class Prepared:
 
 
 class Preparer:
-    """Turns scans into `Prepared`, on one device and grid."""
+    """Prepares scans on one device and grid."""
 
     def __init__(self, device: Device, grid: Grid, use_strength: bool, centered: bool = True) -> None:
-        """Plan the transform of voxels, of echo strength or occupancy, on a grid that is put at the scan's center or at
-        the sensor."""
+        """Plan the transform. Voxels hold echo strength or occupancy; the grid is `centered` on the scan or on the
+        sensor."""
         self.device, self.grid, self.use_strength, self.centered = device, grid, use_strength, centered
         self._spectra = PointSpectra(device, grid.edge, magnitudes=True)
 
     def prepare(self, scan: Scan) -> tuple[Prepared, Array]:
-        """Voxelize and transform one scan; the device may still be at work on it.
+        """Voxelize and transform one scan; the device may still be working on the result.
 
-        Beside it device (N, N, N/2 + 1) float32, its centered magnitude spectrum, which no registration keeps.
+        The second result is its centered magnitude spectrum, device (N, N, N/2 + 1) float32, a temporary array.
 
         Raises:
             InputError: the scan has too few occupied voxels, or shows a single plane.
@@ -70,10 +70,10 @@ class Preparer:
         points = self.device.to_device(self._weighted(scan, voxels, inside))
         spectrum = recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64)
         magnitude = recycled(self.device, (edge, edge, edge // 2 + 1))
-        # the device works on it while the host looks at the points
+        # the device transforms while the host works on the points
         self._spectra.transform(points, [spectrum], magnitude)
         surface = _one_per_voxel(voxels, cells)
-        # of a plane whose rotation is measured, height and tilt can still be made finer beside a place
+        # a plane is useful if its rotation and depth are measured: it refines height and tilt
         prior = scan.prior
         held = prior is not None and prior.knows_attitude and prior.knows_heading and prior.knows_depth
         self._require_structure(scan.name, surface, plane_allowed=held)
@@ -81,7 +81,7 @@ class Preparer:
         return Prepared(scan.name, center, points, surface, cells_of_surface, spectrum), magnitude
 
     def _weighted(self, scan: Scan, voxels: np.ndarray, inside: np.ndarray) -> np.ndarray:
-        """(n, 4) float32: occupancy as in the paper, or echo strength where wanted and present."""
+        """Points and weights (n, 4) float32: occupancy as in the paper, or echo strength if requested and present."""
         weight = np.ones(len(voxels), np.float32)
         if self.use_strength and scan.strength is not None:
             strongest = scan.strength[inside].max()
@@ -105,17 +105,17 @@ class Preparer:
 
 
 class GridRegistrar:
-    """A registrar that prepares scans on the grid that they share; any two that it prepared can be registered."""
+    """Base of registrars that prepare scans on a shared grid."""
 
     _preparer: Preparer
 
     def __init__(self, device: Device, grid: Grid, plan: MemoryPlan) -> None:
-        """Require the memory that `memory_plan` names; DeviceError where the device cannot hold it."""
+        """Require the memory of the plan; DeviceError if the device cannot hold it."""
         require_memory(device, plan)
         self.device, self.grid = device, grid
 
     def with_voxel(self, voxel: float) -> Self:
-        """The same for voxels of another size [m], on the same tables and memory: only one of both may work."""
+        """A registrar for another voxel [m] that shares tables and memory; only one of the two may work at a time."""
         other = copy(self)
         other.grid = replace(self.grid, voxel=voxel)
         other._preparer = copy(self._preparer)
@@ -124,8 +124,8 @@ class GridRegistrar:
 
 
 def _one_per_voxel(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """The mean (m, 3) of the points of each occupied voxel, in the order of the voxels."""
-    keys = ((cells[:, 0] << 42) + (cells[:, 1] << 21)) + cells[:, 2]  # a cell is within a million of 0
+    """Mean (m, 3) of the points of each occupied voxel, in the order of the voxels."""
+    keys = ((cells[:, 0] << 42) + (cells[:, 1] << 21)) + cells[:, 2]  # cells are within a million of 0
     _, first, count = np.unique(keys, return_inverse=True, return_counts=True)
     sums = [np.bincount(first, weights=points[:, axis], minlength=len(count)) for axis in range(3)]
     return np.column_stack(sums) / count[:, None]

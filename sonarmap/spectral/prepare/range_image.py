@@ -1,4 +1,4 @@
-"""What a scan saw from its viewpoint, as ranges over directions: points before its surface contradict it."""
+"""Range images of a scan from its viewpoints, in which points in front of the surface contradict it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,42 +9,42 @@ from sonarmap.kernels.device.arrays import Pending
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
 
-# Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
+# Cells along an edge of a range image: 1.6 degrees, a voxel at a range of 36 voxels. Finer cells would have gaps.
 _EDGE = 128
-# Quantiles of the ranges of a cell, which leave out a stray echo among them.
+# Quantiles of the ranges of a cell for nearest and farthest, to leave out stray echoes.
 _NEAR = 0.15
 _FAR = 0.85
-# A scan has a single viewpoint if this share of its points lies near to the median of their cell.
+# A scan has a single viewpoint if this share of its points is near the median range of their cell.
 _SINGLE = 0.8
-_SPREAD = 2.0  # how near [voxels]
-_SLOPE = 0.03  # and how much more, as a share of the range
-_PLACES = 12  # that take part, of a scan seen from many
+_SPREAD = 2.0  # largest difference to the median [voxels]
+_SLOPE = 0.03  # increase of this difference, as a share of the range
+_PLACES = 12  # largest number of viewpoints to use
 _SAMPLE = 1500  # points of a scan that are compared with another's view
-# How far from the surface a point may lie [voxels; share of the range].
+# Largest distance of a point from the surface [voxels; share of the range].
 COARSE = (1.5, 0.03)  # while the rotation is 2 degrees off
-FINE = (1.0, 0.01)  # once it is refined
+FINE = (1.0, 0.01)  # after the refinement
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """All that a scan saw, and a sample of its points to compare with others' views."""
+    """Range images of a scan, and a sample of its points to compare with other views."""
 
-    # (k, 3) float64, where its sensor is known to have been, from the grid's center [voxels]; none for a scan put
-    # together from places that are not known
+    # (k, 3) float64 known positions of the sensor, relative to the grid's center [voxels]; none for a scan merged from
+    # unknown viewpoints
     places: np.ndarray
-    # device (k, _EDGE, _EDGE, 2) float32, what it saw from each: nearest and farthest range of each cell of an
-    # octahedral map [voxels]; None without any
+    # device (k, _EDGE, _EDGE, 2) float32, nearest and farthest range of each cell of an octahedral map from each place
+    # [voxels]; None without any
     ranges: Array | None
-    viewpoints: Array | None  # device (k, 4) float32, the places as `upload_viewpoints` puts them; None without any
-    repeats: float  # from how many of the places a point of the scan is seen, on the average
+    viewpoints: Array | None  # device (k, 4) float32, the places in the layout of `upload_viewpoints`; None without any
+    repeats: float  # mean number of places that a point of the scan is seen from
     sample: tuple[Array, int]  # points about the grid's center, on the device [voxels], and their number
 
 
 def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoints: np.ndarray) -> View:
-    """What a scan saw, of all its points (n, 3) and one a voxel (m, 3), about the grid's center [voxels].
+    """The view of a scan with `points` (n, 3) and `surface` (m, 3), one per voxel, about the grid center [voxels].
 
-    Viewpoints are (n, 3), for each point the sensor's place when it saw it [voxels]; or (3,), one for all, which is
-    examined: a scan whose points do not form a single layer as seen from there was put together from several places.
+    Viewpoints are (n, 3), the sensor's position for each point [voxels], or (3,), one for all. A single one is ignored
+    if the points do not form a single layer as seen from it: the scan was then merged from several viewpoints.
     """
     if viewpoints.ndim == 1:
         ranges = _Ranges.of(points - viewpoints)
@@ -62,7 +62,7 @@ def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoint
 
 
 def _images(points: np.ndarray, viewpoints: np.ndarray) -> tuple[list[tuple[np.ndarray, "_Ranges"]], float]:
-    """Ranges from a few of many places, evenly along the way, and from how many of them a point is seen."""
+    """Places and ranges from some viewpoints, evenly along the path, and `View.repeats`."""
     cells = np.floor(viewpoints).astype(np.int64)
     _, first, place = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     along = np.argsort(first, kind="stable")
@@ -81,7 +81,7 @@ def _images(points: np.ndarray, viewpoints: np.ndarray) -> tuple[list[tuple[np.n
 
 @dataclass(frozen=True, slots=True)
 class _Ranges:
-    """The ranges of beams by cells: nearest and farthest of (k,) cells, and whether they form a single layer."""
+    """Nearest and farthest range of (k,) cells, and whether the ranges form a single layer."""
 
     cells: np.ndarray
     near: np.ndarray
@@ -90,10 +90,10 @@ class _Ranges:
 
     @classmethod
     def of(cls, beams: np.ndarray) -> "_Ranges":
-        """Of beams (n, 3) [voxels]."""
+        """Ranges of beams (n, 3) [voxels]."""
         x, y, z = beams.T
         ranges = np.sqrt(x * x + y * y + z * z).astype(np.float32)
-        # one number to sort by, as the bits of positive floats order as they do
+        # cell and range in one sort key, as the bits of positive floats have the order of the floats
         keys = octahedral_cells(beams, _EDGE).astype(np.uint64) << np.uint64(32)
         keys = np.sort(keys | ranges.view(np.uint32))
         cells, ranges = keys >> np.uint64(32), keys.astype(np.uint32).view(np.float32)
@@ -103,14 +103,14 @@ class _Ranges:
         far = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
         median = np.repeat(ranges[first + count // 2], count)
         agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
-        # a point alone in its cell agrees with itself, which is no evidence
+        # leave out single points in a cell, which always agree with the median
         alone = first[count == 1]
         shared = len(cells) - len(alone)
         single = shared == 0 or (np.count_nonzero(agreeing) - len(alone)) / shared >= _SINGLE
         return cls(cells[first].astype(np.int64), near, far, bool(single))
 
     def image(self) -> np.ndarray:
-        """(_EDGE, _EDGE, 2) float32, (inf, -inf) in cells that saw nothing."""
+        """(_EDGE, _EDGE, 2) float32, (inf, -inf) in empty cells."""
         view = np.empty((_EDGE * _EDGE, 2), np.float32)
         view[:] = np.inf, -np.inf
         view[self.cells] = np.column_stack([self.near, self.far])
@@ -119,21 +119,21 @@ class _Ranges:
 
 @dataclass(frozen=True, slots=True)
 class Visibility:
-    """What two scans' views say about poses between them: shares of the sampled points, (n,) each; NaN without a
+    """Agreement of two scans' views under n poses: shares of the sampled points, (n,) each; NaN if neither scan has a
     view."""
 
-    agree: np.ndarray  # fit the other scan's surface, the mean of both directions
-    contradict: np.ndarray  # stand where the other scan saw through
-    seen: np.ndarray  # fall where the other scan saw something
+    agree: np.ndarray  # on the other scan's surface, mean of both directions
+    contradict: np.ndarray  # in front of the other scan's surface
+    seen: np.ndarray  # in cells where the other scan saw something
 
 
 def visibility(
     device: Device, target: View, source: View, poses: Array, tolerances: Sequence[tuple[float, float]]
 ) -> Pending[list[Visibility]]:
-    """Queue how far n poses, p_target = R p_source + t about the grid centers [voxels], agree with both views.
+    """Queue the agreement of both views under n poses, p_target = R p_source + t about the grid centers [voxels].
 
-    The answer has one for each of the tolerances (reach, slope): a range within reach [voxels] + slope * range of the
-    surface agrees. A scan that has no view is left out.
+    The result has an entry for each tolerance (reach, slope): a range within reach [voxels] + slope * range of the
+    surface agrees. A scan without a view is left out.
     """
     ways = (target, source), (source, target)
     viewings = [Viewing(view.ranges, view.viewpoints, other.sample) for view, other in ways]

@@ -1,4 +1,4 @@
-"""The surface that a scan shows: a point for each occupied voxel, on the plane of its neighbors, with its normal."""
+"""The surface of a scan: a point for each occupied voxel, moved onto the plane of its neighbors, with a normal."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,37 +10,36 @@ from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.surface.cells import Cells, Elements, fit_planes, sort_into_cells
 
-_FARTHEST = 3.0  # a point farther than this from its neighbors' plane is no point of it, and stays [voxels]
-# At a rim the neighbors lie to one side: their middle is farther away than this share of their spread. On a straight
-# rim it is three quarters, well inside a fifth.
+_FARTHEST = 3.0  # a point farther than this from its neighbors' plane is not moved onto it [voxels]
+# A point is at a rim if the mean of its neighbors is farther away than this share of their spread: that ratio is three
+# quarters at a straight rim, a fifth well inside.
 _ASIDE = 0.4
-_RIM_WIDTH = 3.0  # points that have enough of a rim nearer than this lie near it [voxels]
-_RIM_POINTS = 3  # which are enough
-_TIMES = 3  # how often a surface is smoothed further
-_RARE = 0.05  # a direction of normals that holds a smaller share of the points counts less than the others
+_RIM_WIDTH = 3.0  # a point is near a rim if there are enough rim points within this distance [voxels]
+_RIM_POINTS = 3  # enough rim points
+_TIMES = 3  # number of further smoothings
+_RARE = 0.05  # directions of normals with a smaller share of the points get less weight
 
 
 def _hemisphere(count: int) -> np.ndarray:
-    """(count, 3) unit vectors of z above 0, about evenly apart: a spiral of golden angles."""
+    """(count, 3) unit vectors with z above 0, about evenly spaced on a golden-angle spiral."""
     k = np.arange(count)
     z = (k + 0.5) / count
     angle = k * np.pi * (3 - np.sqrt(5))
     return np.column_stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
 
 
-# Normals are counted by the nearest of these, of either sign: some 25 degrees apart.
+# Directions that normals are binned by, with either sign, about 25 degrees apart.
 _DIRECTIONS = _hemisphere(26)
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Points and normals of one scan, about its grid's center, on the device that prepared it."""
+    """Points and normals of one scan, about its grid's center, on host and device."""
 
-    rows: np.ndarray  # (m, 12) float32, as `elements` has them on the device; `points`, `normals` and so on are columns
-    elements: Elements  # the same on the device, to search among
-    # device (d,) float32, of mean 1 over the points: what a point counts by the direction that its normal is nearest
-    # to. The less of the surface faces that direction, the more it counts: on a wide bed a few walls fix where a scan
-    # lies.
+    rows: np.ndarray  # (m, 12) float32, rows of `elements`; `points`, `normals` and the others are columns
+    elements: Elements  # the rows on the device, sorted for search
+    # device (d,) float32, weights of points by the direction nearest to their normal, of mean 1 over the points.
+    # Rare directions have large weights: on a wide bed a few walls fix the position of a scan.
     direction_weights: Array
 
     @property
@@ -50,24 +49,24 @@ class Surface:
 
     @property
     def inner(self) -> np.ndarray:
-        """(m,) bool, which have neighbors on all sides; the others lie at a rim of what the scan shows."""
+        """(m,) bool, whether a point has neighbors on all sides; other points are at a rim of the scan."""
         return self.rows[:, 3] > 0
 
     @property
     def normals(self) -> np.ndarray:
-        """(m, 3) float32, unit, of either sign."""
+        """(m, 3) float32 unit normals, of either sign."""
         return self.rows[:, 4:7]
 
     @property
     def rays(self) -> np.ndarray:
-        """(m, 3) float32, to each point from where the sensor saw it [voxels]; 0 where that is not known."""
+        """(m, 3) float32, vectors from the sensor to each point [voxels]; 0 if the viewpoint is unknown."""
         return self.rows[:, 8:11]
 
 
 def smoothed_further(device: Device, surface: Surface) -> list[Surface]:
-    """The surface smoothed thrice more, twice and once, with all points near a rim counted among the rim's.
+    """The surface smoothed three times, twice and once more, with all points near a rim marked as rim points.
 
-    What noise moves along the beams leaves at the end of a view a slope that belongs to the sensor, not to the scene.
+    Noise along the beams makes a slope at the edge of a view that belongs to the sensor, not to the scene.
     """
     rim, near = surface.points[~surface.inner], np.zeros(len(surface.rows), bool)
     if len(rim) >= _RIM_POINTS:
@@ -84,10 +83,10 @@ def smoothed_further(device: Device, surface: Surface) -> list[Surface]:
 
 
 def smooth_surface(device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> Pending[Surface]:
-    """Queue a scan's points, one a voxel, at least 3, to be moved along the normal onto the plane of their neighbors.
+    """Queue the smoothing of at least 3 points, one per voxel: each moves along the normal to its neighbors' plane.
 
-    Noise along the beams stands out of the surface; registered as it is, it draws the scans together or apart. The
-    sensor saw each point from the nearest of the viewpoints, (3,) each [voxels].
+    Without smoothing, noise along the beams pulls scans together or apart in the registration. Each point is taken to
+    be seen from the nearest of the viewpoints, (3,) each [voxels].
     """
     places = np.array(viewpoints, np.float64).reshape(-1, 3)
     smooth = fit_planes(device, cells, _DIRECTIONS, places, farthest=_FARTHEST, aside=_ASIDE)
@@ -96,7 +95,7 @@ def smooth_surface(device: Device, cells: Cells, viewpoints: Sequence[np.ndarray
 
 
 def _surface(device: Device, smooth: Array, rows: np.ndarray) -> Surface:
-    """The surface of points (m, 12) on the device, and the same on the host."""
+    """The surface from its rows (m, 12), on the device and on the host."""
     share = np.bincount(rows[:, 7].astype(np.int64), minlength=len(_DIRECTIONS)) / len(rows)
     weights = 1.0 / (share + _RARE)
     weights /= share @ weights
