@@ -79,7 +79,7 @@ class SpectralRegistrar(GridRegistrar):
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         second = second_edge(grid.edge)
         plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), self.config)
-        self._plan_second = None if plan is None else cache(plan)  # run at the first coarse-grid retry
+        self._plan_coarse = None if plan is None else cache(plan)  # run at the first coarse-grid retry
         self._voxel_of_survey: float | None = None  # [m], set in a retry's registrar only
 
     def prepare(self, scan: Scan) -> SpectralScan:
@@ -103,7 +103,7 @@ class SpectralRegistrar(GridRegistrar):
             smoother=cache(partial(smoothed_further, self.device, shown)),
             view=view,
             prior=scan.prior,
-            second=cache(partial(self._prepare_second, scan)),
+            second=cache(partial(self._prepare_coarse, scan)),
         )
 
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
@@ -115,13 +115,13 @@ class SpectralRegistrar(GridRegistrar):
 
     def _register(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
         start = perf_counter()
-        return replace(self._found(target, source, bounds), seconds=perf_counter() - start)
+        return replace(self._with_retry(target, source, bounds), seconds=perf_counter() - start)
 
-    def _found(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
+    def _with_retry(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
         """The registration, or that of the coarse-grid retry if the first is refused and the retry is more probable.
 
         If both find the same place, the pose is that of the fine grid: larger voxels do not make it more accurate."""
-        first = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
+        first = self._register_once(HypothesisTest(self.grid, target, source, bounds, self._verifier))
         if first.probability >= self.config.least_probability:
             return first
         second = self._looked_at_again(target, source, bounds)
@@ -135,32 +135,32 @@ class SpectralRegistrar(GridRegistrar):
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
         """The registration on the coarser grid; None without one, or if a scan shows too little structure on it."""
-        registrar = self._second
+        registrar = self._coarse_registrar
         if registrar is None or (ours := target.second()) is None or (theirs := source.second()) is None:
             return None
         scans = replace(ours, prior=target.prior), replace(theirs, prior=source.prior)
-        found = registrar._found(*scans, replace(bounds, voxel=registrar.grid.voxel * registrar._verifier.coarser))
+        found = registrar._with_retry(*scans, replace(bounds, voxel=registrar.grid.voxel * registrar._verifier.coarser))
         reason = f"on the coarser grid, with voxels of {registrar.grid.voxel:.3g} m: {found.reason}"
         return replace(found, reason=reason)
 
     @property
-    def _second(self) -> "SpectralRegistrar | None":
+    def _coarse_registrar(self) -> "SpectralRegistrar | None":
         """The registrar of the coarse-grid retry; None if the grid is not fine enough to retry."""
-        if self._plan_second is None:
+        if self._plan_coarse is None:
             return None
-        planned = self._plan_second()
+        planned = self._plan_coarse()
         second = planned.with_voxel(self.grid.extent / planned.grid.edge)
         second._voxel_of_survey = self._voxel_of_survey or self.grid.voxel
         return second
 
-    def _prepare_second(self, scan: Scan) -> SpectralScan | None:
+    def _prepare_coarse(self, scan: Scan) -> SpectralScan | None:
         """The scan on the grid of the retry; None if it shows too little structure there, as a low relief does."""
-        if (registrar := self._second) is None:
+        if (registrar := self._coarse_registrar) is None:
             return None
         with suppress(InputError):
             return registrar.prepare(scan)
 
-    def _answer(self, test: HypothesisTest) -> Registration:
+    def _register_once(self, test: HypothesisTest) -> Registration:
         # 1. rotations under which the magnitude spectra agree
         rotations = self._rotations(test.target, test.source, test.bounds)
         if not len(rotations.scores):

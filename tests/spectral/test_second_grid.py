@@ -60,7 +60,7 @@ def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.Mon
 
     registrar = SpectralRegistrar(choose_device(), Grid(64, EXTENT / 64))
     scan = registrar.prepare(Scan(structure(4, 3000)))
-    monkeypatch.setattr(SpectralRegistrar, "_answer", answer)
+    monkeypatch.setattr(SpectralRegistrar, "_register_once", answer)
     found = registrar.register(scan, scan)
     np.testing.assert_allclose(found.T_target_source.translation[1], 0.1 if same else 0.4)
     assert (found.probability, found.accepted) == (0.95, True)

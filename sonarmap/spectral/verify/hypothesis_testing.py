@@ -26,19 +26,19 @@ _FINAL = Stage((1.5,) * 3, 3000)
 # If a direction has less information per pair than this, the surfaces are smoothed further and refined again: the noise
 # of normals of little relief inflates the Hessian and shortens steps to a twentieth. The reaches are below those at
 # which rims take part.
-_LOOSE = 0.02
+_WEAK = 0.02
 _SMOOTHED = Stage((2.0, 2.0, *(1.5,) * 6), 3000)
 _DRIVEN_OFF = 0.5  # loss of agreement from which this refinement has diverged
 _PROMISING = 0.4  # candidates that score less than this share of the best are not refined
-_LEFT = 16  # candidates kept after the first stage
+_KEPT = 16  # candidates kept after the first stage
 _SURVIVORS = 6  # candidates kept after the second stage
 _HOPELESS = 3.5  # hypotheses whose agreement is lower than the best's by more are dropped: no peak makes up for it
 # Maximum firmness of the best hypothesis at which surfaces are of little relief: other places are then sought by
 # height, and compared by residual.
 _FIRM = 0.05
-_CLOSEST = 0.03  # minimum residual in this comparison [voxels]
+_MIN_RESIDUAL = 0.03  # minimum residual in this comparison [voxels]
 _PLACES = 12  # largest number of places found by height
-_SLID = Stage((4.0, 3.0, 2.0, 2.0, 2.0), 1000)  # their refinement on smoothed surfaces
+_FOUND_BY_HEIGHT = Stage((4.0, 3.0, 2.0, 2.0, 2.0), 1000)  # their refinement on smoothed surfaces
 _RIVALS = 4  # largest number of these to compare with the others
 _SAME_ROTATION = float(np.deg2rad(1.0))  # refined rotations closer than this have the same correlation [rad]
 
@@ -66,7 +66,7 @@ class HypothesisTest(PairFrames):
         # a single candidate needs no selection
         if len(best) == 1:
             return self._refine_candidates(candidates, best, [first, _QUICK, _ROUGH])
-        kept = self._possible(self._refine_candidates(candidates, best, [first], first.points))[:_LEFT]
+        kept = self._possible(self._refine_candidates(candidates, best, [first], first.points))[:_KEPT]
         if len(kept) == 1:
             return self._refine(kept, [_QUICK, _ROUGH])
         kept = self._possible(self._refine(kept, [_QUICK], _QUICK.points))[:_SURVIVORS]
@@ -106,13 +106,13 @@ class HypothesisTest(PairFrames):
             return []
         start = Start(places.R, places.shifts, np.full(len(places.alike), best.fit.width))
         free = self._unless_bounded() if weak else self
-        fits = free._smoother(0)._steps(start, [_SLID]).read()
-        rivals = free._round(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
+        fits = free._on_smoothed(0)._steps(start, [_FOUND_BY_HEIGHT]).read()
+        rivals = free._refine_and_rank(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
         return self.possible(elsewhere(rivals, known))[:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         """The hypotheses compared, the best first and finished; a single hypothesis is not compared."""
-        hopeful = _hopeful(hypotheses, 1.5 * _HOPELESS)
+        hopeful = _within_margin(hypotheses, 1.5 * _HOPELESS)
         if len(hopeful) == 1:
             return self.finish(hopeful, [_CLOSE, _FINAL])
         return self.finish(self.compare(hopeful))
@@ -124,20 +124,20 @@ class HypothesisTest(PairFrames):
         the views agree nearly as well some voxels off, and only the residual tells. There the poses are those by the
         scans alone: errors of attitudes and depths would separate the surfaces of the true one too.
         """
-        refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
+        refined = self._refine(_within_margin(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
         if refined[0].evidence.firmness <= _FIRM:
             close = [
-                replace(each, evidence=replace(each.evidence, closeness=-log(max(each.fit.residual, _CLOSEST))))
-                for each in self._unless_bounded()._laid_smoothly(refined)
+                replace(each, evidence=replace(each.evidence, closeness=-log(max(each.fit.residual, _MIN_RESIDUAL))))
+                for each in self._unless_bounded()._refine_smoothed(refined)
             ]
             refined = self._possible(close)
-        hopeful = _hopeful(refined, _HOPELESS)
+        hopeful = _within_margin(refined, _HOPELESS)
         # `finish` measures a single one
         return hopeful if len(hopeful) == 1 else self._measured(hopeful)
 
     def finish(self, hypotheses: list[Hypothesis], stages: Sequence[Stage] = (_FINAL,)) -> list[Hypothesis]:
         """The first and best hypothesis fully refined, and the others whose pose still differs from it."""
-        best = self._left_to_scans(self._finish_best(hypotheses[0], stages))
+        best = self._with_step_to_scans(self._finish_best(hypotheses[0], stages))
         best = replace(best, evidence=replace(best.evidence, closeness=hypotheses[0].evidence.closeness))
         return [best, *elsewhere(hypotheses[1:], [best])]
 
@@ -145,19 +145,19 @@ class HypothesisTest(PairFrames):
         """The hypothesis with evidence from the scans as given, and a final pose with estimated stretches."""
         best = self._refine([known], stages)[0]
         # if closeness was compared, it was already refined on smoothed surfaces
-        if not known.evidence.closeness and _loose(best.fit):
-            best = self._laid_smoothly([best])[0]
+        if not known.evidence.closeness and _has_weak_direction(best.fit):
+            best = self._refine_smoothed([best])[0]
         measurement = self.verifier.measure(self.target, self.source, [best])
         (fit,) = self._steps(_start([best.fit], stretches=True), [_FINAL]).read()
         return replace(measurement.read()[0], fit=fit)
 
-    def _laid_smoothly(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    def _refine_smoothed(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Hypotheses refined on smoothed surfaces, the smoothest first, then on the plain surfaces; on these alone
         if the refinement diverges on the smoothed ones, which may constrain nothing without rims."""
         fits: Sequence[Fit] = [each.fit for each in hypotheses]
         for level in range(len(self.target.smoother())):
-            fits = self._smoother(level)._steps(_start(fits), [_SMOOTHED]).read()
-        laid = self._observed(_start(fits), _origins(hypotheses), [_FINAL])
+            fits = self._on_smoothed(level)._steps(_start(fits), [_SMOOTHED]).read()
+        laid = self._refine_and_observe(_start(fits), _origins(hypotheses), [_FINAL])
         kept: list[Hypothesis] = []
         driven: list[Hypothesis] = []
         for new, old in zip(laid, hypotheses, strict=True):
@@ -174,12 +174,12 @@ class HypothesisTest(PairFrames):
         """The test by the scans alone, unless instruments bound the place: on a flat bed nothing else constrains it."""
         return self if self.box(Rotation.identity()) else self._without_instruments()
 
-    def _smoother(self, level: int) -> "HypothesisTest":
+    def _on_smoothed(self, level: int) -> "HypothesisTest":
         """The test on the scans' smoothed surfaces; level 0 is the smoothest."""
         target, source = (replace(scan, surface=scan.smoother()[level]) for scan in (self.target, self.source))
         return replace(self, target=target, source=source)
 
-    def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
+    def _with_step_to_scans(self, best: Hypothesis) -> Hypothesis:
         """The hypothesis with the whole step from its pose to that by the scans alone, if instruments took part: points
         were paired at the common pose, so a single step from there falls short."""
         fit = best.fit
@@ -187,8 +187,8 @@ class HypothesisTest(PairFrames):
             return best
         free = self._without_instruments()
         (alone,) = free._steps(_start([fit.by_scans]), [_CLOSE]).read()
-        if _loose(alone):
-            alone = free._laid_smoothly([replace(best, fit=alone)])[0].fit
+        if _has_weak_direction(alone):
+            alone = free._refine_smoothed([replace(best, fit=alone)])[0].fit
         (alone,) = free._steps(_start([alone], stretches=True), [_FINAL]).read()
         step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
         return replace(best, fit=replace(fit, step=step))
@@ -207,20 +207,20 @@ class HypothesisTest(PairFrames):
         R, shifts = candidates.R[chosen], candidates.shifts[chosen]
         scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
         start = Start(R, shifts, np.zeros(len(shifts)))
-        return self._round(start, list(zip(scores, psr, strict=True)), stages, points)
+        return self._refine_and_rank(start, list(zip(scores, psr, strict=True)), stages, points)
 
     def _refine(
         self, hypotheses: Sequence[Hypothesis], stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        return self._round(_start([each.fit for each in hypotheses]), _origins(hypotheses), stages, points)
+        return self._refine_and_rank(_start([each.fit for each in hypotheses]), _origins(hypotheses), stages, points)
 
-    def _round(
+    def _refine_and_rank(
         self, start: Start, origins: Sequence[tuple[float, float]], stages: Sequence[Stage], points: int
     ) -> list[Hypothesis]:
         """Refined and observed hypotheses, best first, without the weaker ones at the same pose."""
-        return ranked(self._observed(start, origins, stages, points))
+        return ranked(self._refine_and_observe(start, origins, stages, points))
 
-    def _observed(
+    def _refine_and_observe(
         self,
         start: Start,
         origins: Sequence[tuple[float, float]],
@@ -257,12 +257,12 @@ def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:
     return [(each.rotation_score, each.candidate_psr) for each in hypotheses]
 
 
-def _loose(fit: Fit) -> bool:
+def _has_weak_direction(fit: Fit) -> bool:
     """Whether a direction has so little information that the noise of normals shortens its steps."""
-    return bool(principal_axes(fit.information, fit.pairs)[0][0] < _LOOSE)
+    return bool(principal_axes(fit.information, fit.pairs)[0][0] < _WEAK)
 
 
-def _hopeful(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
+def _within_margin(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
     """Hypotheses whose agreement is within the margin of the best."""
     least = max(hypothesis.evidence.agreement for hypothesis in hypotheses) - margin
     return [hypothesis for hypothesis in hypotheses if hypothesis.evidence.agreement >= least]
