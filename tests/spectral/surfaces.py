@@ -1,4 +1,4 @@
-"""Surfaces of points, on the device that is chosen by itself."""
+"""Surfaces of points on the default device."""
 
 from collections.abc import Sequence
 from functools import cache

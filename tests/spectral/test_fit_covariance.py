@@ -1,4 +1,4 @@
-"""The covariance of what was refined on the surfaces: what it leaves open, how it turns, and that it is honest."""
+"""The covariance of refined poses: unconstrained directions, invariances, and calibration."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -39,14 +39,14 @@ def register(target: np.ndarray, source: np.ndarray, voxel: float = 1.0) -> Regi
 
 
 def about(covariance: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """A covariance of the sensor's frame, for a frame at a place (3,) in it with the same axes."""
+    """The covariance of the sensor's frame, transformed to a frame at a point (3,) with the same axes."""
     shift = np.eye(6)
     shift[3:, :3] = -np.cross(place, np.eye(3)).T
     return shift @ covariance @ shift.T
 
 
 def side_of_a_hull(rng: np.random.Generator) -> np.ndarray:
-    """What beams on a grid see of a cylinder along y, 6 m ahead: the same wherever along it the sensor is."""
+    """Points of a cylinder along y, 6 m ahead, seen by beams on a grid: the same at any position along it."""
     azimuth, elevation = np.meshgrid(np.deg2rad(np.linspace(-45, 45, 128)), np.deg2rad(np.linspace(-20, 20, 64)))
     x, y, z = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
     beams = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
@@ -60,7 +60,7 @@ def side_of_a_hull(rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", [9, 2])
-def test_the_pattern_of_the_beams_holds_nothing(seed: int) -> None:
+def test_the_pattern_of_the_beams_constrains_nothing(seed: int) -> None:
     """Scans of a hull's side from two places along it agree best where the sensor has not moved."""
     rng = np.random.default_rng(seed)
     found = register(side_of_a_hull(rng), side_of_a_hull(rng), voxel=0.16)
@@ -70,13 +70,13 @@ def test_the_pattern_of_the_beams_holds_nothing(seed: int) -> None:
 
 
 def corner(rng: np.random.Generator) -> np.ndarray:
-    """Points of a wall and a floor, and of a second wall across the first: nothing is left open."""
+    """Points of a floor and two walls at right angles, which constrain all directions."""
     across = rng.uniform(-20.0, 30.0, COUNT), rng.normal(-40.0, 0.3, COUNT), rng.uniform(-15.0, 25.0, COUNT)
     return np.vstack([wall(rng, 0.3), np.transpose(across)])
 
 
 @pytest.mark.slow
-def test_errors_are_no_larger_than_it_says() -> None:
+def test_errors_are_within_the_covariance() -> None:
     """On 48 pairs of a sensor that stands still, with exact ranges: 88 % and more within the 95 % ellipsoid.
 
     Most are far within: the covariance grants that ranges are off and scans bent, which nothing in a pair shows.
@@ -97,7 +97,7 @@ def test_errors_are_no_larger_than_it_says() -> None:
     assert within >= 0.88
 
 
-def test_another_pose_is_covered_as_far_as_the_ellipsoid_reaches() -> None:
+def test_covers_means_inside_the_ellipsoid() -> None:
     T = RigidTransform.from_components([3.0, -2.0, 1.0], Rotation.from_rotvec([0.2, 0.1, -0.9]))
     sigmas = np.array([0.01, 0.02, 0.03, 0.1, 5.0, 0.2])
     for axis in range(6):
@@ -108,14 +108,14 @@ def test_another_pose_is_covered_as_far_as_the_ellipsoid_reaches() -> None:
 
 
 def by_scans(fit: Fit) -> np.ndarray:
-    """(6, 6) of a fit with a clear peak."""
+    """Covariance (6, 6) of a fit with a clear peak."""
     hypothesis: Any = SimpleNamespace(fit=fit, evidence=SimpleNamespace(psr=60.0))
     return fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5)).by_scans
 
 
-def test_where_no_points_are_near_anything_is_possible() -> None:
-    """The refinement went where the scans have nothing in common: ten times as far as a turn and the grid go, so that
-    many such pairs together do not hold a pose."""
+def test_without_pairs_of_points_the_sigmas_are_huge() -> None:
+    """If a pose leaves the scans nothing in common, sigmas are ten times half a turn and the grid's edge, so that even
+    many such pairs do not fix a pose in a graph."""
     zeros = {"doubt": np.zeros(6), "stretch": np.zeros(2), "stretching": np.zeros((2, 8))}
     fit = Fit(Rotation.identity(), np.zeros(3), np.zeros((6, 6)), 0.0, 0.0, 0.3, **zeros)
     np.testing.assert_allclose(np.sqrt(np.diag(by_scans(fit))), 10 * np.repeat([np.pi, 64.0], 3), rtol=1e-3)
@@ -131,8 +131,8 @@ def shift_sigmas(fit: Fit) -> np.ndarray:
 
 
 @pytest.mark.parametrize("edge", [64, 256])
-def test_a_direction_is_open_as_far_as_the_scans_agree_along_it(edge: int) -> None:
-    """Whatever the planes say, in voxels of the coarse grid, and by nothing where nothing is left of the peak."""
+def test_the_variance_grows_with_the_correlation_along_a_direction(edge: int) -> None:
+    """It is added to that of the planes, in voxels of the coarse grid, and is 0 without correlation beside the peak."""
     axes = Rotation.from_euler("ZYX", [0.4, -0.2, 0.1]).as_matrix()
     slides = np.full((3, 3, 2), 0.02)
     slides[0] = 1.0
@@ -150,7 +150,7 @@ def test_a_direction_is_open_as_far_as_the_scans_agree_along_it(edge: int) -> No
 
 
 @pytest.mark.slow
-def test_a_plane_leaves_three_directions_open() -> None:
+def test_a_plane_leaves_three_directions_unconstrained() -> None:
     """Two shifts along it, and the turn about its normal; height, roll and pitch are fixed."""
     rng = np.random.default_rng(3)
     source = T_TARGET_SOURCE.inv().apply(plane(rng, 0.35))
@@ -162,7 +162,7 @@ def test_a_plane_leaves_three_directions_open() -> None:
 
 @pytest.mark.slow
 def test_it_is_symmetric_and_positive_and_grows_with_the_voxel() -> None:
-    """The same scene, twice as large on voxels twice as large: turns as sure, shifts half as sure."""
+    """A scene twice as large on voxels twice as large has the same sigmas of turns and twice those of shifts."""
     rng = np.random.default_rng(5)
     target, source = corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))
     small, large = register(target, source), register(2 * target, 2 * source, voxel=2.0)
@@ -172,8 +172,8 @@ def test_it_is_symmetric_and_positive_and_grows_with_the_voxel() -> None:
     assert np.linalg.eigvalsh(small.covariance).min() > 0
 
 
-def test_what_may_be_chance_holds_nothing() -> None:
-    """A direction that is held by no more than the error of what holds it is open, one far above it is not."""
+def test_insignificant_information_does_not_constrain() -> None:
+    """A direction whose information is within its error is unconstrained; one far above it is not."""
     share = np.array([1e-3, 0.02, 0.1, 0.2, 0.3, 0.4])
 
     def sigmas(doubt: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The same answers in both flavors of the kernels, and what a result's seconds count."""
+"""Equal registrations in both flavors of the kernels, and the time in a result."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The grid that scans share: its checks, its choice, where a scan lies in it; and what a scan refuses."""
+"""The grid that scans share: checks, choice and centers; and checks of scans."""
 
 from collections.abc import Callable
 from functools import partial
@@ -28,7 +28,7 @@ def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int =
     ("edge", "near"),
     [(98, (96, 100)), (75, (72, 80)), (8, (16, 18)), (1000, (500, 512))],
 )
-def test_refuses_an_edge_that_is_no_even_product_and_says_which_are_near(edge: int, near: tuple[int, int]) -> None:
+def test_refuses_an_edge_that_is_no_even_product_and_suggests_near_ones(edge: int, near: tuple[int, int]) -> None:
     words = (
         f"`edge={edge}` is not an even product of 2, 3 and 5 from 16 to 512; try `edge={near[0]}` or `edge={near[1]}`"
     )
@@ -48,12 +48,12 @@ NO_VOXELS: list[Any] = [-1.0, float("nan"), None, np.ones(2)]
         *((partial(Grid, 64), voxel, r"`voxel=0\.5`") for voxel in NO_VOXELS),
     ],
 )
-def test_refuses_edges_scans_and_voxels_that_are_none(make: Callable[[Any], object], given: Any, words: str) -> None:
+def test_refuses_invalid_edges_scans_and_voxels(make: Callable[[Any], object], given: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
         make(given)
 
 
-def test_center_is_the_middle_of_the_box_whatever_a_stray_echo_says() -> None:
+def test_stray_echoes_do_not_move_the_center() -> None:
     scan = box_scan([10, -4, 2], [30, 6, 5])
     stray = Scan(np.vstack([scan.points, np.array([[900, 900, -900]], np.float32)]))
     np.testing.assert_allclose(scan_center(scan), [20, 1, 3.5], atol=0.2)
@@ -70,14 +70,14 @@ def test_chosen_grid_holds_the_largest_scan_with_a_margin() -> None:
         assert (np.abs(voxels) < 32).all()
 
 
-def test_voxel_given_is_kept_and_one_place_gives_no_grid() -> None:
+def test_a_given_voxel_is_kept_and_a_scan_without_extent_is_refused() -> None:
     assert choose_grid([box_scan([0, 0, 0], [3, 2, 1])], 32, 0.7) == Grid(32, 0.7)
     with pytest.raises(InputError, match="one place"):
         choose_grid([Scan(np.ones((9, 3), np.float32))])
 
 
 class TestRegistrations:
-    """On grids of any edge: some that divide as powers of two do, and some whose half is odd."""
+    """Registration on grids of various edges, also some whose half is odd."""
 
     @pytest.mark.parametrize("edge", [30, 50, 90, 162, 250])
     @pytest.mark.slow
@@ -128,13 +128,13 @@ ROWS = {"viewpoints": POINTS, "times": POINTS[:, 0], "strength": POINTS[:, 0]}
         ("strength", -ROWS["strength"], "3 of 4 rows of `strength` are negative, NaN or infinite"),
     ],
 )
-def test_rows_of_points_that_cannot_be_used(name: str, given: np.ndarray, message: str) -> None:
+def test_unusable_rows_of_points_are_refused(name: str, given: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=f"pier: .*{message}.*"):
         Scan(POINTS, **{"name": "pier", name: given})
 
 
 @pytest.mark.parametrize("given", [{"points": None}, {"strength": [1.0] * 4}])
-def test_what_is_no_array(given: dict[str, Any]) -> None:
+def test_points_that_are_no_array_are_refused(given: dict[str, Any]) -> None:
     name, value = next(iter(given.items()))
     with pytest.raises(InputError, match=f"pier: `{name}` are {type(value).__name__}; wanted an array of float32"):
         Scan(**{"points": POINTS, "name": "pier", **given})
@@ -143,7 +143,7 @@ def test_what_is_no_array(given: dict[str, Any]) -> None:
 
 
 def test_every_edge_has_a_coarse_grid_and_images() -> None:
-    """Half of 90 is odd, half of 30 below the smallest: the nearest does. From 128 on it is 64."""
+    """Half of 90 is odd and half of 30 too small, so the nearest allowed one is taken. From 128 on it is 64."""
     for edge in EDGES:
         assert Grid(edge, 1.0).edge == edge
         assert coarse_edge(edge) in EDGES

@@ -1,4 +1,4 @@
-"""The rotation's steps one by one, with the sign of the conventions page, and a peak's covariance."""
+"""The steps of the rotation, with the signs of docs/conventions.md, and a peak's covariance."""
 
 from dataclasses import replace
 
@@ -52,7 +52,7 @@ def degrees(R: Rotation) -> float:
 
 
 @pytest.mark.parametrize("yaw", [-75.0, 8.0])
-def test_yaw_is_found_but_for_a_half_turn(room: Room, yaw: float) -> None:
+def test_yaw_is_found_up_to_a_half_turn(room: Room, yaw: float) -> None:
     true = turn(yaw, 0, 0)
     one, other = room.hemisphere.yaws(room.layers, room.hemisphere.prepare(room.magnitude(true)))
     assert min(degrees(one.R.inv() * true), degrees(other.R.inv() * true)) < 3.0
@@ -68,14 +68,14 @@ YAW = Rotation.from_euler("Z", 40, degrees=True)
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("tilt", [(0, 9), (-12, 0), (15, -7), (5, 25)])
-def test_tilt_is_found_where_yaw_is_known(room: Room, tilt: tuple[float, float]) -> None:
+def test_tilt_is_found_with_known_yaw(room: Room, tilt: tuple[float, float]) -> None:
     true = turn(*tilt, axes="YX") * YAW
     estimate = room.hemisphere.tilt(room.layers, room.magnitude(true), YAW, np.deg2rad(35))
     assert estimate is not None
     assert degrees(estimate.R * YAW * true.inv()) < 4.0
 
 
-def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room) -> None:
+def test_overlap_is_the_share_in_common_and_the_smaller_of_both_directions(room: Room) -> None:
     half = room.points[room.points[:, 0] > room.target.center[0]]
     part, _ = room.preparer.prepare(Scan(half))
     shift = (part.center - room.target.center) / VOXEL
@@ -87,7 +87,7 @@ def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room)
 
 
 @pytest.mark.parametrize("true", [(36.0, -4.0, 2.0), (12.0, -20.0, 3.0)])
-def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, true: tuple[float, ...]) -> None:
+def test_a_shift_over_half_the_grid_is_distinguished_from_its_wrapped_twin(room: Room, true: tuple[float, ...]) -> None:
     """Two parts of one place whose centers lie `true` voxels apart, on a grid of 64."""
     step = np.array(true) * VOXEL
     rng = np.random.default_rng(1)
@@ -124,7 +124,7 @@ def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:
     return Peak(np.zeros(3, int), np.zeros(3), 1.0, 1.0, psr, neighborhood, 0.0, 1.0)
 
 
-def test_width_is_that_of_the_gaussian() -> None:
+def test_the_width_of_a_gaussian_peak_is_its_covariance() -> None:
     cov = np.array([[1.5, 0.3, 0.0], [0.3, 2.0, -0.2], [0.0, -0.2, 1.2]])
     np.testing.assert_allclose(peak_width(gaussian_peak(cov)), cov, rtol=1e-4, atol=1e-4)
     # a ridge is as wide as the neighborhood can tell
@@ -133,7 +133,7 @@ def test_width_is_that_of_the_gaussian() -> None:
 
 
 def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> None:
-    """Against Monte Carlo: errors drawn about the grid's center, seen at the sensor."""
+    """Against Monte Carlo: errors drawn about the grid's center, transformed to the sensor."""
     R, center, voxel, bin_angle = (Rotation.from_euler("ZYX", [0.5, -0.2, 0.1]), np.array([7.0, -3.0, 2.0]), 0.5, 0.03)
     peak = gaussian_peak(np.diag([2.0, 1.0, 1.5]))
     stated = peak_covariance(peak, R, center, Grid(128, voxel), bin_angle)
@@ -148,7 +148,7 @@ def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> Non
     np.testing.assert_allclose(np.cov(xi.T), stated, atol=0.03 * np.abs(stated).max())
 
 
-def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
+def test_shifts_that_differ_by_the_grid_are_the_same_answer(room: Room) -> None:
     peak = room.translation.find(room.target, room.target, Rotation.identity())
 
     def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Match:

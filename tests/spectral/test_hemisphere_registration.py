@@ -1,4 +1,4 @@
-"""The chain over the hemisphere and the paper's own: simulated pairs, bounds, and what is refused."""
+"""The paper's registration: simulated pairs, bounds, and refusals."""
 
 import numpy as np
 import pytest
@@ -64,8 +64,8 @@ def test_simulated_table_1() -> None:
 
 
 @pytest.mark.slow
-def test_strength_tells_echoes_from_clutter_that_occupancy_cannot() -> None:
-    """The same structure among ten times as many weak echoes, which are others in each scan."""
+def test_strength_separates_echoes_from_clutter_and_occupancy_does_not() -> None:
+    """The same structure among ten times as many weak echoes, which differ between the scans."""
     rng = np.random.default_rng(12)
     scans = []
     for points in (structure(12), moved(structure(12), TURN.inv())):
@@ -80,8 +80,8 @@ def test_strength_tells_echoes_from_clutter_that_occupancy_cannot() -> None:
     assert outcome[False].psr < 0.5 * outcome[True].psr
 
 
-def test_max_tilt_is_of_roll_and_pitch_whatever_the_yaw() -> None:
-    """Under a yaw of 45 degrees, 20 degrees of both are 28 about one axis of the target."""
+def test_max_tilt_bounds_roll_and_pitch_at_any_yaw() -> None:
+    """At a yaw of 45 degrees, 20 degrees of roll and of pitch are 28 about one axis of the target."""
     T = turned(45.0, 19.0, 19.0, [0.5, -0.8, 0.4])
     config = HemisphereConfig(max_tilt=np.deg2rad(20.0))
     registrar = HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4), config)
@@ -108,7 +108,7 @@ def register(of_the_paper: HemisphereRegistrar, points: np.ndarray, T_target_sou
 
 
 @pytest.mark.parametrize("yaw", [-70.0])
-def test_yaw_under_tilt_keeps_to_what_the_paper_shows(of_the_paper, points, yaw):
+def test_yaw_under_tilt_is_as_accurate_as_in_the_paper(of_the_paper, points, yaw):
     """Figs. 16 and 17: 10 degrees of roll and of pitch."""
     R = Rotation.from_euler("ZYX", [yaw, 10, 10], degrees=True)
     off = register(of_the_paper, points, RigidTransform.from_rotation(R)).rotation.as_euler("ZYX", degrees=True)
@@ -116,7 +116,7 @@ def test_yaw_under_tilt_keeps_to_what_the_paper_shows(of_the_paper, points, yaw)
     assert np.abs(off - [yaw, 10, 10])[1:].max() < 3
 
 
-def test_a_grid_that_stands_still_loses_what_leaves_it(of_the_paper: HemisphereRegistrar, points: np.ndarray) -> None:
+def test_a_grid_at_the_origin_loses_points_outside(of_the_paper: HemisphereRegistrar, points: np.ndarray) -> None:
     prepared = of_the_paper.prepare(voxel_scan(occupy(points, GRID), GRID, "s"))
     assert (prepared.volume.center == 0).all()
     away = RigidTransform.from_translation([150.0, 0, 0]).apply(points).astype(np.float32)
@@ -133,7 +133,7 @@ def test_scans_of_different_places_are_refused(registrar: HemisphereRegistrar) -
 
 
 @pytest.mark.slow
-def test_strength_of_points_outside_the_grid_does_not_count() -> None:
+def test_strength_of_points_outside_the_grid_is_ignored() -> None:
     points = np.vstack([structure(12), np.array([[900, 0, 0]], np.float32)])
     strength = np.zeros(len(points), np.float32)
     strength[-1] = 5.0

@@ -20,7 +20,7 @@ Points = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A method and its places: two scans of one, by its number, their true transform or a yaw given."""
+    """A method, and pairs of scans of numbered places with a known transform."""
 
     registrar: Registrar
     truth: RigidTransform
@@ -76,7 +76,7 @@ def test_a_scan_registers_to_itself(method: Method) -> None:
     assert registration.overlap == 1.0
 
 
-def test_finds_a_known_transform_and_says_the_ratio_of_every_step(method: Method) -> None:
+def test_finds_a_known_transform_and_reports_the_psr_of_every_step(method: Method) -> None:
     registration = method.register(*method.pair(1))
     method.assert_found(registration, method.truth)
     steps = dict(registration.step_psr)
@@ -99,14 +99,14 @@ def test_yaw_covers_the_circle(method: Method, yaw: float) -> None:
 
 
 @pytest.mark.quick_cases(1)
-def test_the_other_way_round_is_the_inverse(method: Method) -> None:
+def test_swapping_the_scans_gives_the_inverse(method: Method) -> None:
     there, back = (method.register(*points) for points in (method.pair(5), method.pair(5)[::-1]))
     method.assert_found(back, there.T_target_source.inv())
     assert back.overlap == pytest.approx(there.overlap, abs=0.03)
 
 
 @pytest.mark.quick_cases(1)
-def test_moving_the_source_moves_the_answer(method: Method) -> None:
+def test_moving_the_source_moves_the_transform(method: Method) -> None:
     target, source = method.pair(6)
     Q = RigidTransform.from_components([30.0, -12.0, 5.0], Rotation.from_euler("ZYX", [70, 6, 9], degrees=True))
     plain, other = method.register(target, source), method.register(target, moved(source, Q))
@@ -114,7 +114,7 @@ def test_moving_the_source_moves_the_answer(method: Method) -> None:
 
 
 @pytest.mark.quick_cases(1)
-def test_two_steps_make_one(method: Method) -> None:
+def test_transforms_compose(method: Method) -> None:
     a, *rest = method.pair(7)[0], TURN, TURN * TURN
     b, c = (moved(a, T.inv()) for T in rest)
     steps = [method.register(*pair).T_target_source for pair in ((a, b), (b, c))]

@@ -1,4 +1,4 @@
-"""What is reckoned with before registering, beside what a registration then allocates."""
+"""The memory plan of a registration against its allocations."""
 
 import gc
 from typing import Any
@@ -24,7 +24,7 @@ MAKERS: dict[str, tuple[Any, ...]] = {  # a registrar, its config, and the metho
 
 
 def prepared_with_second(registrar: Any, scan: Scan) -> Any:
-    """A prepared scan, also for the second look, if there is one."""
+    """A prepared scan, also on the coarser grid, if there is one."""
     prepared = registrar.prepare(scan)
     if isinstance(registrar, SpectralRegistrar):
         prepared.second()
@@ -37,7 +37,7 @@ def prepared_with_second(registrar: Any, scan: Scan) -> Any:
 )
 @pytest.mark.slow
 def test_a_plan_holds_what_is_allocated(maker: str, edge: int) -> None:
-    """One prepared scan, and at most what exists while two are prepared and registered; little more is asked for."""
+    """The plan covers a prepared scan and the peak of a pair, and exceeds them by little."""
     chosen = choose_device()
     device = Device(chosen.cl_device, chosen.selector)  # without the tables that other tests left
     usage, (make, config, method) = MemoryUsage(device), MAKERS[maker]
@@ -57,7 +57,7 @@ def test_a_plan_holds_what_is_allocated(maker: str, edge: int) -> None:
     assert (planned[:2] < 1.5 * measured[:2]).all()
 
 
-def test_counted_by_hand() -> None:
+def test_the_plan_matches_a_count_by_hand() -> None:
     chosen = choose_device()
     device = Device(chosen.cl_device, chosen.selector)
     usage = MemoryUsage(device)
@@ -71,7 +71,7 @@ def test_counted_by_hand() -> None:
     assert (usage.most, usage.largest) == (first.nbytes, 0)
 
 
-def test_a_grid_too_large_says_what_is_needed_and_what_would_fit() -> None:
+def test_the_error_for_a_too_large_grid_names_the_memory_and_a_grid_that_fits() -> None:
     with pytest.raises(DeviceError, match=r"GiB on the device.*`edge=\d\d\d`"):
         require_memory(_Small(), memory_plan(512))
 

@@ -1,4 +1,4 @@
-"""Log odds that are quadratic in clues."""
+"""Log odds quadratic in the clues."""
 
 import json
 
@@ -22,7 +22,7 @@ def test_they_are_a_quadratic_form_within_the_range_of_the_clues() -> None:
     assert beyond[0] == beyond[1]
 
 
-def test_the_table_brings_them_back() -> None:
+def test_json_round_trip() -> None:
     found = odds([1.0, -2.0, 0.5, 0.25, -1.0])
     back = Odds.from_json(json.loads(json.dumps(found.to_json())))
     clues = np.random.default_rng(0).normal(size=(20, 2))

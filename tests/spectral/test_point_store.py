@@ -1,4 +1,4 @@
-"""Arrays on disk: the same values, for as long as they are held."""
+"""Arrays on disk keep their values as long as they are referenced."""
 
 import gc
 import os
@@ -34,7 +34,7 @@ def test_arrays_come_back_as_they_were_in_memory_and_on_disk(monkeypatch: pytest
         kept[-1][0] = 0
 
 
-def test_nothing_is_left_in_the_folder_and_a_full_disk_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_file_remains_and_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     kept = PointStore(0).keep(np.ones(10, np.float32))
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""The probability of hypotheses: what it falls with, and the answers that cannot be excluded."""
+"""The probability of hypotheses, and alternatives that cannot be excluded."""
 
 from dataclasses import replace
 from math import erf
@@ -25,7 +25,7 @@ BLURRED = Observability(np.eye(3), np.full((3, 3, 2), 1.0), np.full(2, 1.0))
 
 
 def hypothesis(psr: float, view: float, width: float = 0.15) -> Hypothesis:
-    """With this evidence."""
+    """A hypothesis with this evidence."""
     fit = Fit(Rotation.identity(), np.zeros(3), np.eye(6), 0.1, 1000.0)
     evidence = Evidence(view, view, 0.6, 0.5, 0.1, width, 0.12, psr, 40.0)
     return Hypothesis(fit, 0.4, 20.0, evidence)
@@ -47,8 +47,8 @@ def test_the_probability_falls_with_the_evidence(worse) -> None:
     assert less < clear
 
 
-def test_a_pose_that_is_left_open_is_less_probable() -> None:
-    """3 voxels are 1.5 m: as many standard deviations hold 68.3 % within one, 95.4 % within two."""
+def test_an_unconstrained_pose_is_less_probable() -> None:
+    """3 voxels are 1.5 m: one standard deviation holds 68.3 % and two hold 95.4 %."""
     sure, one_sigma, two_sigma = (fixed_probability(np.eye(6) * sigma**2, 0.5) for sigma in (0.01, 1.5, 0.75))
     assert sure > 0.999999
     turn = {sigma: erf(np.deg2rad(6) / sigma / np.sqrt(2)) for sigma in (1.5, 0.75)}
@@ -65,14 +65,14 @@ def test_a_pose_that_is_left_open_is_less_probable() -> None:
         ([0.01, 0.01, np.deg2rad(13), 0.1, 0.1, 0.1], [0.3, 0.3, np.deg2rad(21), 1, 1, 1], [0.3, 0.3, 1.05, 1, 1, 1]),
     ],
 )
-def test_where_instruments_bound_a_direction_three_of_their_sigmas_are_no_error(left_open, instruments, unsure) -> None:
+def test_errors_within_three_sigmas_of_instruments_are_allowed(left_open, instruments, unsure) -> None:
     scans, known, unknown = (np.diag(np.square(sigmas)) for sigmas in (left_open, instruments, unsure))
     assert fixed_probability(scans, 0.2) < 0.4
     assert fixed_probability(scans, 0.2, known) > 0.99
     assert fixed_probability(scans, 0.2, unknown) == pytest.approx(fixed_probability(scans, 0.2))
 
 
-def test_a_rival_makes_both_doubtful() -> None:
+def test_a_rival_lowers_the_probability_of_both() -> None:
     (alone,) = probabilities(hypothesis(60, 0.8))
     best, rival = probabilities(hypothesis(60, 0.8), hypothesis(58, 0.8))
     assert alone > 0.85 > best > rival > 0.01
@@ -89,7 +89,7 @@ def test_twins_share_the_probability_however_high_their_peaks(psr: float) -> Non
 
 
 def room(rng: np.random.Generator, marked: bool) -> np.ndarray:
-    """A rectangular room about the sensor; alike from both ends, but for a block in one corner where it is marked."""
+    """A rectangular room about the sensor, symmetric except for a block in one corner if it is marked."""
     n, half = 3000, np.array([28.0, 15.0, 9.0])
     sides = [rng.uniform(-half, half, (n, 3)) for _ in range(6)]
     for k, points in enumerate(sides):
@@ -112,7 +112,7 @@ def registered_room(marked: bool) -> tuple[Registration, RigidTransform]:
 
 
 @pytest.mark.slow
-def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> None:
+def test_a_symmetric_room_is_refused_and_both_poses_are_kept() -> None:
     registration, T = registered_room(marked=False)
     assert not registration.accepted
     answers = [registration, *registration.alternatives]
@@ -124,7 +124,7 @@ def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> N
 
 
 @pytest.mark.slow
-def test_the_same_room_with_a_block_in_a_corner_is_believed() -> None:
+def test_the_same_room_with_a_block_in_a_corner_is_accepted() -> None:
     registration, T = registered_room(marked=True)
     assert registration.accepted
     assert np.rad2deg((registration.T_target_source.rotation * T.rotation.inv()).magnitude()) < 1
@@ -141,7 +141,7 @@ def test_scans_that_share_nothing_are_refused(number: int) -> None:
     assert replace(registration, alternatives=()).reason
 
 
-def test_a_rival_that_the_views_like_better_counts_even_where_its_peak_is_low() -> None:
+def test_a_rival_with_better_views_counts_despite_a_low_peak() -> None:
     best = hypothesis(60, 0.6)
     assert probabilities(best, hypothesis(5, 0.9))[0] < probabilities(best, hypothesis(5, 0.3))[0]
 

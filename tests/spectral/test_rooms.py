@@ -1,4 +1,4 @@
-"""The paper's chain and the tested hypotheses do not know of each other."""
+"""The paper's chain and the hypothesis test do not import each other."""
 
 import ast
 

@@ -1,4 +1,4 @@
-"""A fine grid's second look at a pair, with voxels twice as large, which noise hides less."""
+"""The coarse-grid retry of a pair, with voxels twice as large."""
 
 from dataclasses import replace
 from typing import cast
@@ -26,13 +26,13 @@ def registrar() -> SpectralRegistrar:
 
 
 def noisy(points: np.ndarray, voxels: float, seed: int) -> Scan:
-    """With a standard deviation of so many voxels."""
+    """A scan with Gaussian noise of this standard deviation [voxels]."""
     noise = np.random.default_rng(seed).normal(0.0, voxels * EXTENT / EDGE, points.shape)
     return Scan((points + noise).astype(np.float32))
 
 
 @pytest.mark.slow
-def test_what_noise_hides_on_the_fine_grid_is_believed_on_the_other(registrar: SpectralRegistrar) -> None:
+def test_noisy_scans_refused_on_the_fine_grid_are_accepted_on_the_coarse_one(registrar: SpectralRegistrar) -> None:
     points = structure(4, 8000)
     scans = [noisy(of, 3.75, k) for k, of in enumerate((points, T_TRUE.inv().apply(points)))]
     found = registrar.register(*(registrar.prepare(scan) for scan in scans))
@@ -46,7 +46,7 @@ def test_what_noise_hides_on_the_fine_grid_is_believed_on_the_other(registrar: S
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("same", [True, False])
-def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.MonkeyPatch, same: bool) -> None:
+def test_the_fine_grid_gives_the_pose_of_a_common_place(monkeypatch: pytest.MonkeyPatch, same: bool) -> None:
     monkeypatch.setattr("sonarmap.spectral.registration.second_edge", {64: 32, 32: None}.get)
     sigma = 0.2 if same else 0.05
 
@@ -69,8 +69,8 @@ def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.Mon
 
 
 @pytest.mark.slow
-def test_a_pose_is_fixed_by_the_survey_s_voxel_on_both_grids(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is accepted promises the same number of meters, whichever look accepts it."""
+def test_whether_a_pose_is_fixed_depends_on_the_fine_voxel_on_both_grids(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An accepted pose has the same accuracy in meters on both grids."""
     monkeypatch.setattr("sonarmap.spectral.registration.second_edge", {64: 32, 32: None}.get)
     judged: list[tuple[int, float]] = []
 
@@ -88,12 +88,12 @@ def test_a_pose_is_fixed_by_the_survey_s_voxel_on_both_grids(monkeypatch: pytest
 @pytest.mark.parametrize(
     ("edge", "second"), [(64, None), (120, None), (128, 64), (180, 90), (192, 96), (250, 128), (256, 128), (512, 256)]
 )
-def test_only_fine_grids_have_a_second(edge: int, second: int | None) -> None:
+def test_only_fine_grids_have_a_retry(edge: int, second: int | None) -> None:
     assert second_edge(edge) == second
 
 
 @pytest.mark.slow
-def test_what_is_believed_at_once_is_not_looked_at_again(registrar: SpectralRegistrar) -> None:
+def test_accepted_pairs_are_not_retried(registrar: SpectralRegistrar) -> None:
     points = structure(4, 8000)
     target, source = (registrar.prepare(noisy(of, 0.5, k)) for k, of in enumerate((points, T_TRUE.inv().apply(points))))
     found = registrar.register(target, source)

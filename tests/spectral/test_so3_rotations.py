@@ -1,4 +1,4 @@
-"""Rotations between two spectra: the true one among the best, anywhere or group by group; bounds and order kept."""
+"""Rotations between two spectra: accuracy, order, distinctness and bounds."""
 
 from collections.abc import Callable
 
@@ -62,7 +62,7 @@ ANY = [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (0.0, 0.0, 0.01), (0.0, 0.0, -2.0), (-
 
 
 @pytest.mark.parametrize("rotvec", ANY)
-def test_the_true_rotation_is_the_highest_between_samples_too(spectra, target, rotvec):
+def test_the_true_rotation_is_the_best_between_samples_too(spectra, target, rotvec):
     true = Rotation.from_rotvec(rotvec)
     peaks = spectra.best(target, spectra.of(turned(true)), 4, everything)
     assert errors(peaks, true)[0] < 1.4  # samples are 1.9 and 2.8 degrees apart
@@ -81,7 +81,7 @@ def test_rotations_are_distinct_and_the_best_first(spectra: Spectra, target: Arr
     np.testing.assert_array_equal(peaks.scores, again.scores)
 
 
-def test_only_what_is_allowed_is_told(spectra: Spectra, target: Array) -> None:
+def test_only_allowed_rotations_are_returned(spectra: Spectra, target: Array) -> None:
     source = spectra.of(turned(Rotation.from_rotvec([0.1, 0.0, 0.3])))
 
     def upside_down(R: Rotation) -> np.ndarray:
@@ -94,8 +94,8 @@ def test_only_what_is_allowed_is_told(spectra: Spectra, target: Array) -> None:
     assert (len(nothing.R), len(nothing.scores)) == (0, 0)
 
 
-def test_a_bound_on_tilt_keeps_the_vertical_near(target: Array) -> None:
-    """Roll and pitch of 20 degrees both carry it 28 degrees away."""
+def test_a_bound_on_tilt_bounds_the_vertical(target: Array) -> None:
+    """Roll and pitch of 20 degrees each tilt it by 28 degrees."""
     bounded = Spectra(float(np.deg2rad(20.0)))
     away = np.arccos(np.cos(np.deg2rad(20.0)) ** 2)
     source = bounded.of(structure(5))
@@ -107,7 +107,7 @@ def test_a_bound_on_tilt_keeps_the_vertical_near(target: Array) -> None:
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_scans_that_share_a_part_have_it_among_the_best(spectra: Spectra, seed: int) -> None:
+def test_partly_overlapping_scans_have_the_true_rotation_among_the_best(spectra: Spectra, seed: int) -> None:
     target, source = (spectra.of(seen(relief(seed), T)) for T in (HERE, THERE))
     peaks = spectra.best(target, source, 12, everything)
     assert errors(peaks, T_TRUE.rotation).min() < 4.0
@@ -141,7 +141,7 @@ def indices(R: Rotation) -> np.ndarray:
 
 
 def swept(bounded: Spectra, scans: tuple[Array, Array], count: int, apart_deg: float = 0.0) -> RotationPeaks:
-    """The best turns of the sweep, farther apart than this."""
+    """The best turns of the sweep, at least this far apart."""
     return bounded.so3.best_of(*scans, Sweep(SWEEP, EACH, np.deg2rad(apart_deg)), count)
 
 
@@ -161,8 +161,8 @@ def test_distinct_rotations_are_those_of_all_in_their_order() -> None:
     np.testing.assert_array_equal(found.scores, [0.9, 0.5, 0.7])
 
 
-def test_each_band_names_rotations_by_itself(spectra: Spectra, target: Array) -> None:
-    """All in one batch, as each alone; `allowed` is asked of them all."""
+def test_each_band_is_searched_by_itself(spectra: Spectra, target: Array) -> None:
+    """One batch gives the result of separate calls; `allowed` is applied to all bands."""
     true = Rotation.from_rotvec([0.3, -0.2, 1.9])
     source = spectra.of(turned(true))
     together = spectra.so3.candidates(target, source, 4, everything)
@@ -187,8 +187,8 @@ def test_groups_come_once_and_the_best_first_and_no_more_than_there_are(bounded,
     assert only in every.scores
 
 
-def test_many_peaks_are_looked_at_until_enough_are_allowed(spectra: Spectra, target: Array) -> None:
-    """More than are looked at together, as few rotations are possible."""
+def test_peaks_are_examined_until_enough_are_allowed(spectra: Spectra, target: Array) -> None:
+    """More than one batch, as few rotations are allowed."""
     source = spectra.of(structure(3))
 
     def rarely(R: Rotation) -> np.ndarray:

@@ -19,7 +19,7 @@ from tests.samples.scenes.structures import registered as register
 
 
 def waves_with_boxes(rng: np.random.Generator) -> np.ndarray:
-    """(60000, 3) [m]: a bed with five boxes whose waves are alike again 13 to 15 m farther."""
+    """Points (60000, 3) [m] of a bed with five boxes and waves that nearly repeat after 13 to 15 m."""
     xy = rng.uniform(-45, 45, (60_000, 2))
     z = 0.6 * np.sin(xy[:, 0] / 5) * np.cos(xy[:, 1] / 7)
     for x, y, side, top in ((-12, 5, 6, 4), (8, -9, 4, 7), (15, 12, 8, 3), (-5, -18, 5, 5), (2, 16, 3, 6)):
@@ -64,13 +64,13 @@ def assert_near(T: RigidTransform, truth: RigidTransform, degrees: float = 0.3, 
 class TestAccuracy:
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0)])
-    def test_any_rotation_is_found_where_none_is_excluded(self, of_any_rotation, rotvec):
+    def test_any_rotation_is_found_without_a_bound_on_tilt(self, of_any_rotation, rotvec):
         Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
         registration = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
         assert_near(registration.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
 
     @pytest.mark.slow
-    def test_what_stands_on_a_bed_of_equal_waves_decides(self) -> None:
+    def test_boxes_on_a_periodic_bed_determine_the_pose(self) -> None:
         """Waves of a bed lie upon one another as closely where they are laid one farther."""
         registrar = SpectralRegistrar(choose_device(), Grid(128, 0.5))
         there = above(6.1, 6.4, 12, 40)
@@ -83,14 +83,14 @@ class TestAccuracy:
 class TestViews:
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(("x", "y"), [(17.5, -1.0), (17.0, 17.5)])
-    def test_a_shift_beyond_half_the_grid_is_told_from_its_wrapped_twin(self, registrar, x, y):
+    def test_a_shift_beyond_half_the_grid_is_distinguished_from_its_wrapped_twin(self, registrar, x, y):
         """The grid is 32 m wide: 17.5 m look like -14.5 m to a periodic correlation."""
         here, there = above(-x / 2, -y / 2, 12), above(x / 2, y / 2, 13, 15, 3, -5)
         registration = register(registrar, seen(relief(1), here, 15.0), seen(relief(1), there, 15.0))
         assert_near(registration.T_target_source, here.inv() * there)
         assert max(abs(x), abs(y)) > EDGE * VOXEL / 2
 
-    def test_scans_that_no_one_viewpoint_explains_register_by_their_points(self, registrar: SpectralRegistrar) -> None:
+    def test_scans_without_a_single_viewpoint_register_by_their_points(self, registrar: SpectralRegistrar) -> None:
         """A ground and another 7 m above it: beams to the lower one would have to go through the upper."""
         both = np.vstack([relief(4), relief(54) + np.array([0, 0, 7.0])])
         here, there = above(0, 0, 14), above(3, -2, 15, 25, 4, -7)
@@ -105,8 +105,8 @@ class TestViews:
 
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("side", [-1, 1])
-    def test_what_was_seen_through_decides_between_twins(self, of_a_meter: SpectralRegistrar, side: int) -> None:
-        """The target shows two equal sails, the source one of them, over where the other cannot have been.
+    def test_free_space_decides_between_twins(self, of_a_meter: SpectralRegistrar, side: int) -> None:
+        """The target shows two equal sails, the source one of them, seen through the place of the other.
 
         From its sensor, which stands off to one side, the nearer sail would have hidden the farther.
         """
@@ -117,7 +117,7 @@ class TestViews:
         registration = register(of_a_meter, here.inv().apply(place).astype(np.float32), source)
         assert_near(registration.T_target_source, here.inv() * there, 2.0, 1.0)
         assert registration.overlap == pytest.approx(0.5, abs=0.03)
-        # the other one fits the points just as well, and is made improbable by the views alone
+        # the other pose fits the points equally well; only the views make it improbable
         assert registration.probability > 0.5
         assert all(alternative.probability < 0.2 for alternative in registration.alternatives)
 
@@ -129,16 +129,16 @@ def sail(seed: int, count: int = 6000) -> np.ndarray:
 
 
 class TestPriors:
-    """Attitude, heading, depth and position of both scans, of which one is told wrong."""
+    """Attitude, heading, depth and position of both scans, and one of them wrong."""
 
     @staticmethod
     def with_prior(
         scan: SpectralScan, T: RigidTransform, heading: float = 2.0, depth: float = UNKNOWN, xy: float = UNKNOWN
     ) -> SpectralScan:
-        """The prepared scan with a prior: attitude within a degree, and what else is given [deg, m]."""
+        """The prepared scan with a prior: attitude within a degree, and the other sigmas as given [deg, m]."""
         return replace(scan, prior=PosePrior(T, np.array([*np.deg2rad([1.0, 1.0, heading]), xy, xy, depth])))
 
-    def test_true_ones_change_nothing(self, registrar, target, source):
+    def test_true_priors_do_not_change_the_pose(self, registrar, target, source):
         plain = registrar.register(target, source)
         known = (self.with_prior(scan, T, depth=0.1, xy=0.5) for scan, T in ((target, HERE), (source, THERE)))
         registration = registrar.register(*known)
@@ -146,8 +146,8 @@ class TestPriors:
         assert registration.accepted
 
     @pytest.mark.slow
-    def test_a_place_that_repeats_is_told_by_the_heading(self, registrar: SpectralRegistrar) -> None:
-        """A ground that is the same after half a turn: two answers, of which the heading allows one."""
+    def test_the_heading_resolves_a_symmetric_place(self, registrar: SpectralRegistrar) -> None:
+        """A ground of twofold symmetry has two poses, of which the heading allows one."""
         half = relief(3)[relief(3)[:, 0] > 0]
         ground = np.vstack([half, half * np.array([-1, -1, 1])])
         target = registrar.prepare(Scan(seen(ground, HERE)))
@@ -171,7 +171,7 @@ class TestPriors:
         ],
         ids=["attitude", "depth", "position"],
     )
-    def test_one_that_contradicts_the_scans_keeps_them_from_being_believed(
+    def test_scans_that_contradict_a_prior_are_refused(
         self, registrar, target, source, wrong: RigidTransform, bounds: dict[str, float]
     ) -> None:
         pair = self.with_prior(target, HERE, **bounds), self.with_prior(source, wrong, **bounds)
@@ -188,7 +188,7 @@ class TestPriors:
 class TestBounds:
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(("bound", "within"), [(5.0, False), (20.0, True)])
-    def test_max_tilt_bounds_the_answer(self, bound: float, within: bool) -> None:
+    def test_max_tilt_bounds_the_pose(self, bound: float, within: bool) -> None:
         rolled = above(3, -2, 13, 25, 4, 15)
         config = SpectralConfig(max_tilt=float(np.deg2rad(bound)))
         registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL), config)

@@ -1,4 +1,4 @@
-"""Shifts within boxes: those beyond half of the grid are named as they are. `test_correlator.py` has NumPy's peaks."""
+"""Shifts within boxes, also beyond half of the grid. `test_correlator.py` compares peaks with NumPy."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -26,7 +26,7 @@ def translation(device: Device) -> Translation:
 
 @pytest.fixture(scope="module")
 def far(device: Device) -> tuple[Any, Any]:
-    """What two grids hold of one place, the source turned and 20 voxels apart along x: as 12 the other way."""
+    """Two grids of one place, the source turned and shifted by 20 voxels along x, cyclically 12 the other way."""
     rng = np.random.default_rng(2)
     cells = np.argwhere(rng.uniform(size=(52, 32, 32)) < 0.02)
     points = cells - 16 + rng.uniform(-0.3, 0.3, cells.shape)  # well inside their voxels
@@ -42,7 +42,7 @@ def far(device: Device) -> tuple[Any, Any]:
 
 
 @pytest.mark.parametrize("center", [[18, 5, -3]])
-def test_a_shift_beyond_half_the_grid_is_named_as_it_is(translation, far, center):
+def test_a_shift_beyond_half_the_grid_is_not_wrapped(translation, far, center):
     free = translation.find_within(*far, ALONE, [None], 1, 2.0)[0]
     np.testing.assert_allclose(free[0][0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)
     box = Box(np.array(center, float), np.array([3.0, 2.5, 4.0]))
@@ -53,7 +53,7 @@ def test_a_shift_beyond_half_the_grid_is_named_as_it_is(translation, far, center
 
 
 def test_all_shifts_lie_in_their_box(translation: Translation, far: tuple[Any, Any]) -> None:
-    """A peak's voxel; between voxels half a one more."""
+    """The peak's voxel is inside; interpolation adds half a voxel at most."""
     center, half = np.array([-11.0, 4.0, 13.0]), np.array([4.0, 2.2, 5.0])
     for peaks in translation.find_within(*far, ALONE, [Box(center, half)], 6, 1.0)[0]:
         assert len(peaks) > 1

@@ -1,4 +1,4 @@
-"""Scans whose attitude instruments measured: found as before and surer, a flat bed too, and level where scans lean."""
+"""Registration with measured attitudes: sigmas, a flat bed, and scans that lean."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def registrar() -> SpectralRegistrar:
 
 @pytest.fixture(scope="module")
 def scans(registrar: SpectralRegistrar) -> tuple[SpectralScan, SpectralScan]:
-    """Of a rich place, their attitude and depth measured without an error."""
+    """Scans of a structured place, with error-free attitude and depth."""
     target, source = (registrar.prepare(Scan(seen(relief(1), T), prior=PosePrior(T, LEVEL))) for T in (HERE, THERE))
     return target, source
 
@@ -61,7 +61,7 @@ def assert_not_larger(small: np.ndarray, large: np.ndarray) -> None:
 
 class TestRelief:
     @pytest.mark.slow
-    def test_errors_of_instruments_are_not_in_what_the_scans_say(self, registrar, scans):
+    def test_by_scans_has_no_errors_of_instruments(self, registrar, scans):
         """A graph that holds the measurements beside the registration would count the errors twice."""
         plain = registrar.register(*(replace(scan, prior=None) for scan in scans)).T_target_source
         precise = knowing(*ALL, sigmas=SIGMAS / 5)
@@ -75,7 +75,7 @@ class TestRelief:
 
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("seed", [1, 2])
-    def test_found_and_surer_than_by_the_scans_alone(self, registrar, scans, seed):
+    def test_the_pose_is_found_with_smaller_sigmas_than_by_the_scans_alone(self, registrar, scans, seed):
         rng = np.random.default_rng(seed)
         measured = (unexact(T, rng, SIGMAS, most=1.5).T_world_sensor for T in (HERE, THERE))
         pair = [replace(scan, prior=PosePrior(T, LEVEL)) for scan, T in zip(scans, measured, strict=True)]
@@ -86,11 +86,11 @@ class TestRelief:
         assert_not_larger(registration.covariance, alone.covariance)
         height = sigmas(registration.covariance)[5], sigmas(alone.covariance)[5]
         assert height[0] < height[1]
-        # scans that show much are believed more than a degree's measurement
+        # structured scans are more accurate than a measurement within a degree
         assert (sigmas(registration.covariance)[:2] < RELATIVE[:2] / 2).all()
         assert (np.abs(off(registration.T_target_source)) < 4 * sigmas(registration.covariance)).all()
 
-    def test_the_rotations_that_are_followed_are_at_the_measured_tilt(self, registrar, scans):
+    def test_candidate_rotations_have_the_measured_tilt(self, registrar, scans):
         rotations = registrar._rotations(*scans, registrar._bounds(*scans))
         assert len(rotations.scores) <= 4 * registrar.config.hypotheses
         assert (np.diff(rotations.scores) <= 0).all()
@@ -99,7 +99,7 @@ class TestRelief:
         assert (rotations.R.inv() * T_TRUE.rotation).magnitude().min() < np.deg2rad(2.0)
 
     @pytest.mark.slow
-    def test_without_instruments_there_is_nothing_else_and_exact_ones_do_not_move_it(self, registrar, scans, upright):
+    def test_by_scans_is_the_registration_without_both_priors_and_near_exact_ones(self, registrar, scans, upright):
         target, source = scans
         registration = registrar.register(target, replace(source, prior=None))
         assert registration.T_by_scans is None
@@ -119,7 +119,7 @@ TILT, HEADING, SHIFT = np.deg2rad([0.9, 1.2]), np.deg2rad(2.0), np.array([0.9, -
 
 @pytest.fixture(scope="module")
 def flat(registrar: SpectralRegistrar) -> tuple[SpectralScan, SpectralScan]:
-    """Of a flat bed, with all instruments."""
+    """Scans of a flat bed, with all instruments."""
     wrong = Rotation.from_rotvec([*TILT, 0]) * Rotation.from_euler("Z", HEADING)
     measured = RigidTransform.from_components(THERE.translation + SHIFT, wrong * THERE.rotation)
     target = registrar.prepare(Scan(seen(bed(1), HERE), prior=PosePrior(HERE, SIGMAS)))
@@ -133,7 +133,7 @@ def of_flat(registrar: SpectralRegistrar, flat: tuple[SpectralScan, SpectralScan
 
 
 class TestFlatBed:
-    def test_tilt_and_height_are_finer_than_the_instruments_and_the_rest_as_they_say(self, of_flat) -> None:
+    def test_tilt_and_height_improve_on_the_instruments_and_the_rest_is_theirs(self, of_flat) -> None:
         assert of_flat.accepted
         assert 0.85 < of_flat.probability <= 1
         error, sigma = off(of_flat.T_target_source), sigmas(of_flat.covariance)
@@ -146,13 +146,13 @@ class TestFlatBed:
         np.testing.assert_allclose(error[3:5], SHIFT[:2], atol=RELATIVE[3] / 3)
         np.testing.assert_allclose(sigma[2:5], RELATIVE[2:5], rtol=0.1)
 
-    def test_the_scans_alone_leave_these_open(self, of_flat: Registration) -> None:
+    def test_the_scans_alone_leave_the_rest_unconstrained(self, of_flat: Registration) -> None:
         sigma = sigmas(of_flat.by_scans.covariance)
         assert sigma[2] > np.deg2rad(30.0)
         assert (sigma[3:5] > 10.0).all()
 
     @pytest.mark.slow
-    def test_without_a_place_it_is_not_believed(self, registrar, flat):
+    def test_without_a_position_it_is_refused(self, registrar, flat):
         unplaced = np.where(np.isin(np.arange(6), [3, 4]), np.inf, SIGMAS)
         registration = registrar.register(
             *(replace(scan, prior=PosePrior(scan.prior.T_world_sensor, unplaced)) for scan in flat)
@@ -161,29 +161,29 @@ class TestFlatBed:
         assert np.linalg.eigvalsh(registration.covariance)[-1] > 5.0**2
 
     @pytest.mark.parametrize("missing", [DEPTH, None])
-    def test_without_one_of_the_instruments_it_is_refused(self, registrar, missing):
+    def test_without_one_of_the_instruments_the_scan_is_refused(self, registrar, missing):
         known = knowing(*(kind for kind in ALL if kind != missing), sigmas=SIGMAS)
         prior = None if missing is None else PosePrior(HERE, known)
         with pytest.raises(InputError, match=r"all its points lie in one plane .* a prior with attitude, heading"):
             registrar.prepare(Scan(seen(bed(1), HERE), prior=prior))
 
     @pytest.mark.slow
-    def test_without_the_others_prior_it_is_not_believed(self, registrar, flat):
+    def test_without_the_other_scans_prior_it_is_refused(self, registrar, flat):
         target, source = flat
         registration = registrar.register(target, replace(source, prior=None))
         assert not registration.accepted
         assert np.linalg.eigvalsh(registration.covariance)[-1] > 20.0**2
 
     @pytest.mark.slow
-    def test_a_rich_place_is_not_taken_for_it(self, registrar, flat, scans):
+    def test_a_structured_place_does_not_match_it(self, registrar, flat, scans):
         for prior in (None, PosePrior(THERE, SIGMAS)):
             assert not registrar.register(flat[0], replace(scans[1], prior=prior)).accepted
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("degrees", "about"), [(9.0, 0.6), (9.0, 2.0), (7.5, 2.0)])
-def test_scans_that_lean_stay_level_and_are_believed_less(registrar, scans, upright, degrees, about):
-    """A sonar that guesses elevations shows all that stands leaning; both attitudes are measured within a degree.
+def test_leaning_scans_stay_level_with_larger_sigmas(registrar, scans, upright, degrees, about):
+    """A sonar that guesses elevations shows leaning walls; both attitudes are measured within a degree.
 
     Without instruments the scans fit best as they lean.
     """

@@ -1,4 +1,4 @@
-"""What priors allow: laws of relative poses, and numbers that tell every axis and sign from the others."""
+"""Rotations that priors allow: laws of relative poses, with values that distinguish all axes and signs."""
 
 import numpy as np
 import pytest
@@ -25,8 +25,8 @@ from tests.samples.relative_priors import (
 )
 
 
-class TestWhichSayAnything:
-    def test_none_where_either_has_none_or_nothing_is_known_of_both(self) -> None:
+class TestRelativePrior:
+    def test_none_without_a_measurement_of_both_scans(self) -> None:
         known = prior(T_TARGET, *ALL)
         parts = prior(T_TARGET, ATTITUDE, DEPTH), prior(T_SOURCE, HEADING, POSITION)
         for priors in ((None, known), (known, None), (None, None), parts, (prior(T_TARGET), prior(T_SOURCE))):
@@ -40,7 +40,7 @@ class TestWhichSayAnything:
         assert pair(HEADING).R_target_source is None
 
     @pytest.mark.parametrize("kind", ALL)
-    def test_one_thing_known_of_both_will_do(self, kind: slice) -> None:
+    def test_one_measurement_of_both_scans_suffices(self, kind: slice) -> None:
         relative = relative_prior(prior(T_TARGET, kind), prior(T_SOURCE, kind))
         assert relative is not None
         known = [kind == known_kind for known_kind in ALL]
@@ -50,7 +50,7 @@ class TestWhichSayAnything:
 
 
 class TestRotations:
-    def test_attitudes_leave_the_turn_about_the_vertical_open_and_nothing_else(self) -> None:
+    def test_attitudes_leave_only_the_turn_about_the_vertical_free(self) -> None:
         relative = pair(ATTITUDE, sigmas=np.full(6, 1e-4))
         turns = Rotation.from_euler("Z", np.linspace(-3.1, 3.1, 40)[:, None])
         assert relative.allows(T_TARGET.rotation.inv() * turns * T_SOURCE.rotation).all()
@@ -61,7 +61,7 @@ class TestRotations:
         assert not pair(ATTITUDE).allows(Rotation.from_euler("Z", 0.5) * T_TRUE.rotation)
 
     @pytest.mark.parametrize("sign", [1, -1])
-    def test_four_sigmas_of_the_heading_and_the_slack(self, sign: int) -> None:
+    def test_turns_are_allowed_within_four_sigmas_and_the_slack(self, sign: int) -> None:
         relative = pair(ATTITUDE, HEADING)
         sigma = np.hypot(0.05, 0.05)
 
@@ -85,7 +85,7 @@ class TestRotations:
         assert allowed == ([True, False] if of == "target" else [False, True])
 
     @pytest.mark.parametrize("kinds", [(HEADING,), (ATTITUDE, HEADING)])
-    def test_swapped_scans_and_the_inverse_are_the_same_question(self, kinds: tuple[slice, ...]) -> None:
+    def test_swapped_scans_allow_the_inverse_rotations(self, kinds: tuple[slice, ...]) -> None:
         relative = pair(*kinds, sigmas=np.array([0.1, 0.3, 0.2, 1, 1, 1]))
         swapped = RelativePrior(relative.source, relative.target)
         near = Rotation.from_rotvec(np.random.default_rng(3).normal(scale=0.7, size=(2000, 3)))
@@ -94,7 +94,7 @@ class TestRotations:
         assert 20 < allowed.sum() < 1980
         np.testing.assert_array_equal(swapped.allows(rotations.inv(), slack=0.03), allowed)
 
-    def test_the_slack_is_of_the_tilt_too(self) -> None:
+    def test_the_slack_applies_to_the_tilt_too(self) -> None:
         relative = pair(ATTITUDE, HEADING, sigmas=np.full(6, 1e-5))
         tilted = T_TARGET.rotation.inv() * Rotation.from_rotvec([0.06, 0.08, 0]) * T_SOURCE.rotation
         assert not relative.allows(tilted, slack=0.099)
@@ -103,7 +103,7 @@ class TestRotations:
 
 class TestHeadingsWithoutAttitude:
     @pytest.mark.parametrize(("attitudes", "widest"), [((HEADING,), 45.5), ((HEADING, ATTITUDE), 11.5)])
-    def test_the_yaw_is_bounded_all_the_same(self, attitudes: tuple[slice, ...], widest: float) -> None:
+    def test_the_yaw_is_bounded(self, attitudes: tuple[slice, ...], widest: float) -> None:
         sigmas = np.full(6, 1e-6)
         target = prior(about_vertical(2.0), *attitudes, sigmas=sigmas)
         source = prior(about_vertical(1.2), HEADING, sigmas=sigmas)
@@ -114,7 +114,7 @@ class TestHeadingsWithoutAttitude:
 
     @pytest.mark.slow
     @pytest.mark.parametrize("attitudes", [(), ("target",), ("source",)])
-    def test_no_roll_and_pitch_in_range_is_refused_for_the_truth(self, attitudes: tuple[str, ...]) -> None:
+    def test_the_truth_is_allowed_at_any_roll_and_pitch_in_range(self, attitudes: tuple[str, ...]) -> None:
         rng = np.random.default_rng(5)
         yaws = rng.uniform(-np.pi, np.pi, (2, 600))
         tilts = rng.choice([-1, 1], (2, 600, 2)) * UNMEASURED_TILT * rng.uniform(0, 1, (2, 600, 2)) ** 0.2
@@ -131,7 +131,7 @@ class TestHeadingsWithoutAttitude:
 
 
 class TestNormalized:
-    def test_the_measured_pose_is_no_way_off_and_a_turn_of_one_sigma_is_1(self) -> None:
+    def test_chi_squared_is_0_at_the_measured_pose_and_1_at_a_turn_of_one_sigma(self) -> None:
         assert pair(*ALL).normalized(T_TRUE) == (pytest.approx(0, abs=1e-20), 6)
         sigmas = [np.array([1e-3, 1e-3, heading, INF, INF, INF]) for heading in (0.03, 0.04)]
         relative = RelativePrior(PosePrior(T_TARGET, sigmas[0]), PosePrior(T_SOURCE, sigmas[1]))
@@ -139,7 +139,7 @@ class TestNormalized:
         assert relative.normalized(RigidTransform.from_rotation(turned))[0] == pytest.approx(1.0)
 
     @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, HEADING, POSITION)])
-    def test_swapped_scans_and_the_inverse_give_the_same(self, kinds: tuple[slice, ...]) -> None:
+    def test_swapped_scans_give_the_same_chi_squared_of_the_inverse(self, kinds: tuple[slice, ...]) -> None:
         relative = pair(*kinds)
         swapped = RelativePrior(relative.source, relative.target)
         moved = T_TRUE * RigidTransform.from_exp_coords([2e-4, -1e-4, 3e-4, 1, 2, 0.1])
@@ -149,7 +149,7 @@ class TestNormalized:
 
 
 def poses_near(seed: int) -> RigidTransform:
-    """500 of them, up to where the priors forbid them."""
+    """500 rotations, up to the limit of the priors."""
     rng = np.random.default_rng(seed)
     rotations = T_TRUE.rotation * Rotation.from_rotvec(rng.normal(scale=0.5, size=(500, 3)))
     return RigidTransform.from_components(T_TRUE.translation + rng.normal(scale=8, size=(500, 3)), rotations)
@@ -164,8 +164,8 @@ def assert_alike(here: RelativePrior, there: RelativePrior, moved: RigidTransfor
 
 
 @pytest.mark.parametrize("of", ["target", "source"])
-def test_a_heading_that_was_not_measured_makes_no_difference(of: str) -> None:
-    """Where a pose without one is written down with another, roll and pitch, not alike here, turn with the scan."""
+def test_an_unmeasured_heading_is_ignored(of: str) -> None:
+    """Another heading in an unmeasured pose turns the axes of roll and pitch with it; their sigmas differ."""
     sigmas = np.array([0.05, 0.3, 1, 1, 1, 0.7])
     poses = {"target": T_TARGET, "source": T_SOURCE}
     turned = {**poses, of: about_vertical(1.3) * poses[of]}
@@ -189,11 +189,11 @@ class TestPosePrior:
             (np.array([1, 1, 1, 1, INF, 1]), "East and North"),
         ],
     )
-    def test_sigmas_that_will_not_do(self, sigmas: np.ndarray, words: str) -> None:
+    def test_bad_sigmas_are_refused(self, sigmas: np.ndarray, words: str) -> None:
         with pytest.raises(InputError, match=words):
             PosePrior(RigidTransform.identity(), sigmas)
 
-    def test_poses_that_are_refused(self) -> None:
+    def test_bad_poses_are_refused(self) -> None:
         off = (RigidTransform.from_translation(t) for t in ([0, np.nan, 0], [INF, 0, 0]))
         for T in (RigidTransform.concatenate([T_TARGET, T_SOURCE]), *off):
             with pytest.raises(InputError, match="finite"):

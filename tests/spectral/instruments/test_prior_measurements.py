@@ -1,4 +1,4 @@
-"""Priors as measurements: what a pose differs by from them and how sure that is, and where they let one search."""
+"""Priors as measurements: residuals, covariances and Jacobians, and the search ranges by priors."""
 
 from itertools import product
 
@@ -46,7 +46,7 @@ EVERY: list[Kinds] = [
 
 
 def known(target: Kinds, source: Kinds) -> list[bool]:
-    """Of tilt, tilt, turn, East, North and Up, those that instruments measure in full."""
+    """(6,) bool, which of tilt, tilt, turn, East, North and Up instruments measure in full."""
     both = [kind in target and kind in source for kind in ALL]
     attitude, heading, position, depth = both
     leveled = ATTITUDE in target or ATTITUDE in source
@@ -59,7 +59,7 @@ def stack(T: RigidTransform) -> RigidTransform:
 
 
 def tilted(tilt: tuple[float, float], turn: float) -> RigidTransform:
-    """The true pose with its tilt and turn in the world off by these [rad], and its shift off."""
+    """The true pose with these errors of tilt and turn in the world [rad], and of the shift."""
     off = Rotation.from_rotvec([*tilt, 0]) * Rotation.from_euler("Z", turn)
     R = T_TARGET.rotation.inv() * off * T_SOURCE.rotation
     return RigidTransform.from_components(T_TRUE.translation + np.array([0.7, -0.4, 0.3]), R)
@@ -98,7 +98,7 @@ class TestResiduals:
         residuals = pair(*ALL).residuals(stack(RigidTransform.from_components(t, T.rotation)))
         np.testing.assert_allclose(residuals, [[*tilt, turn, *shift]], atol=1e-12)
 
-    def test_of_the_sources_reference_they_are_those_of_the_inverse(self) -> None:
+    def test_with_the_source_as_reference_they_are_those_of_the_inverse(self) -> None:
         """The source alone knows its heading: the world's axes are by its instruments."""
         relative = between((ATTITUDE, POSITION, DEPTH), ALL)
         shift = np.array([1.0, 2.0, -3.0])
@@ -118,7 +118,7 @@ def draws() -> list[tuple[PosePrior, PosePrior]]:
 
 
 def redrawn(draw: tuple[PosePrior, PosePrior], target: Kinds, source: Kinds) -> RelativePrior:
-    """As drawn, knowing only some of it; a heading that is not known is written down as another."""
+    """The prior with only some components measured; an unmeasured heading gets another value."""
     priors = []
     for measured, kinds, turn in zip(draw, (target, source), (0.0, 1.3), strict=True):
         T = measured.T_world_sensor if HEADING in kinds else about_vertical(turn) * measured.T_world_sensor
@@ -138,7 +138,7 @@ def redrawn(draw: tuple[PosePrior, PosePrior], target: Kinds, source: Kinds) -> 
 )
 @pytest.mark.slow
 def test_the_covariance_is_that_of_the_instruments_errors(draws, target, source):
-    """Of 800 draws a whitened variance is within 4 standard deviations of 1, 20 %, and the means are 0."""
+    """Whitened variances of 800 draws are 1 within 4 standard deviations, 20 %, and the means are 0."""
     true = stack(T_TRUE)
     residuals = np.array([redrawn(draw, target, source).residuals(true)[0] for draw in draws])
     exact = redrawn((PosePrior(T_TARGET, SURE), PosePrior(T_SOURCE, SURE)), target, source)
@@ -163,17 +163,17 @@ class TestReaches:
     @pytest.mark.parametrize(
         ("target", "source"), [((HEADING,), ALL), (ALL, (HEADING,)), ((DEPTH,), (DEPTH,))], ids=names_of
     )
-    def test_it_is_infinite_without_both_attitudes(self, target: Kinds, source: Kinds) -> None:
+    def test_the_tilts_sigma_is_infinite_without_both_attitudes(self, target: Kinds, source: Kinds) -> None:
         assert between(target, source).tilt_sigma == np.inf
 
-    def test_the_tilts_sigma_is_that_of_the_less_sure_axis_of_both_scans(self) -> None:
+    def test_the_tilts_sigma_is_that_of_the_less_certain_axis_of_both_scans(self) -> None:
         sigmas = np.array([0.03, 0.01, 1, 1, 1, 1]), np.array([0.04, 0.02, 1, 1, 1, 1])
         relative = RelativePrior(PosePrior(T_TARGET, sigmas[0]), PosePrior(T_SOURCE, sigmas[1]))
         assert relative.tilt_sigma == pytest.approx(0.05)
 
 
 class TestShiftBox:
-    def test_the_truth_lies_in_it_four_sigmas_from_the_sides(self) -> None:
+    def test_the_truth_is_inside_four_sigmas_from_the_sides(self) -> None:
         rng = np.random.default_rng(8)
         off = []
         for _ in range(BOXES):

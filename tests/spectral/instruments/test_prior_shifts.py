@@ -1,4 +1,4 @@
-"""Which shifts priors allow: laws of relative poses, and numbers that tell every axis and sign from the others."""
+"""Shifts that priors allow: laws of relative poses, with values that distinguish all axes and signs."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ class TestShifts:
             expected = np.arange(4) == allowed
             np.testing.assert_array_equal(relative.allows_shift(t, Rotation.identity(), slack=0.05), expected)
 
-    def test_east_and_north_want_the_heading(self) -> None:
+    def test_east_and_north_need_the_heading(self) -> None:
         """Forward is North: 10 m ahead are 10 m North, 10 m to the left are 10 m West."""
         sigmas = np.full(6, 1e-3)
         north = about_vertical(np.pi / 2)
@@ -81,7 +81,7 @@ class TestShifts:
             *(([100.0, 0, 0], [0, 0, turn], 0, turn < 0.12) for turn in (0.117, 0.123)),
         ],
     )
-    def test_an_unsure_rotation_moves_what_is_far(self, at, turn, lift, allowed) -> None:
+    def test_an_uncertain_rotation_widens_the_bound_with_distance(self, at, turn, lift, allowed) -> None:
         target = PosePrior(RigidTransform.identity(), np.array([0.02, 0.01, 0.03, 1e-3, 1e-3, 1e-3]))
         relative = RelativePrior(target, PosePrior(RigidTransform.from_translation(at), np.full(6, 1e-3)))
         t = Rotation.from_rotvec(turn).apply(at) + np.array([0, 0, lift])
@@ -99,7 +99,7 @@ class TestShifts:
         assert deep.allows_shift(directions * 1000, T_TRUE.rotation).all()
         assert not deep.allows_shift(directions * (4.5 - 1.01 * limit), T_TRUE.rotation).any()
 
-    def test_one_shift_may_be_asked_with_many_rotations(self) -> None:
+    def test_one_shift_can_be_tested_with_many_rotations(self) -> None:
         relative = RelativePrior(prior(T_TARGET, DEPTH), prior(T_SOURCE, ATTITUDE, DEPTH))
         rotations = T_TRUE.rotation * Rotation.from_rotvec([[0, 0, 0], [0.0, 0.8, 0]])
         assert relative.allows_shift(T_TRUE.translation, rotations).tolist() == [True, False]
@@ -107,7 +107,7 @@ class TestShifts:
         assert relative.allows_shift(both, rotations).tolist() == [True, False]
         assert pair(*ALL).allows_shift(T_TRUE.translation, rotations).tolist() == [True, True]
 
-    def test_the_sources_attitude_will_do_with_the_rotation(self) -> None:
+    def test_the_sources_attitude_suffices_with_the_rotation(self) -> None:
         sigmas = np.full(6, 1e-3)
         target, source = prior(T_TARGET, POSITION, DEPTH, sigmas=sigmas), prior(T_SOURCE, *ALL, sigmas=sigmas)
         relative = RelativePrior(target, source)

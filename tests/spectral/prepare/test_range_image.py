@@ -1,4 +1,4 @@
-"""What a scan saw: ranges over directions, and points that agree with them, contradict them or are hidden."""
+"""Range images of a scan, and points that agree with them, contradict them or are hidden."""
 
 import numpy as np
 import pytest
@@ -16,12 +16,12 @@ def device() -> Device:
 
 
 def still(device: Device) -> Array:
-    """The pose that moves nothing."""
+    """The identity pose."""
     return upload_poses(device, np.eye(3)[None], np.zeros((1, 3)))
 
 
 def shell(radius: float, seed: int = 1, count: int = 60_000, cone: float = -1.0) -> np.ndarray:
-    """(n, 3) points so far from the viewpoint, in directions whose x component is above `cone` [voxels]."""
+    """Points (n, 3) at a range from the viewpoint, in directions whose x component is above `cone` [voxels]."""
     directions = np.random.default_rng(seed).normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return VIEWPOINT + radius * directions[directions[:, 0] > cone]
@@ -32,7 +32,7 @@ def view_of(device: Device, points: np.ndarray, viewpoints: np.ndarray = VIEWPOI
 
 
 def cells_of(view: View) -> np.ndarray:
-    """(edge, edge, 2) of its only image."""
+    """The only range image (edge, edge, 2) of a view."""
     assert view.ranges is not None
     return view.ranges.get()[0]
 
@@ -45,7 +45,7 @@ def test_cells_hold_the_ranges_of_their_points(device: Device) -> None:
     assert (view[~seen] == [np.inf, -np.inf]).all()
 
 
-def test_a_wild_echo_among_many_changes_no_cell(device: Device) -> None:
+def test_a_stray_echo_among_many_changes_no_cell(device: Device) -> None:
     """A hundred points in one direction, at ranges of 20 to 21, and one at 5 and one at 60."""
     along = np.array([0.6, 0.64, 0.48])
     ranges = np.concatenate([np.linspace(20, 21, 100), [5.0, 60.0]])
@@ -64,7 +64,7 @@ SPARSE = [(1500, 1500, False), (6000, 6000, False), (1500, 0, True), (6000, 0, T
 @pytest.mark.parametrize(
     ("count", "inner", "single"), [*((60_000, *case) for case in ((0, True), (6000, True), (30_000, False))), *SPARSE]
 )
-def test_a_second_surface_behind_the_first_is_no_view(device: Device, count: int, inner: int, single: bool) -> None:
+def test_two_layers_give_no_view(device: Device, count: int, inner: int, single: bool) -> None:
     points = np.vstack([shell(20.0, 1, count), shell(12.0, 2, count)[:inner]])
     assert bool(len(view_of(device, points).places)) is single
 
@@ -93,19 +93,19 @@ class TestVisibility:
         assert self.shares(device, 18.5, 1.0, 0.05)[0] > 0.4
 
 
-def test_without_any_view_nothing_is_known(device: Device) -> None:
+def test_without_any_view_shares_are_nan(device: Device) -> None:
     blind = view_of(device, np.vstack([shell(20.0, 1), shell(12.0, 2)]))
     (shares,) = visibility(device, blind, blind, still(device), [(1.0, 0.0)]).read()
     assert np.isnan([shares.agree, shares.contradict, shares.seen]).all()
 
 
 class TestManyViewpoints:
-    """A wall at x = 20, seen in two halves from two places; in front of the far half stands what only one could see."""
+    """A wall at x = 20, seen in halves from two places; an object before the far half is visible from one only."""
 
     PLACES = np.array([[0.0, -12.0, 1.0], [0.0, 12.0, -1.0]])
 
     def wall(self, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Points and the place that each was seen from."""
+        """Points, and the viewpoint of each."""
         rng = np.random.default_rng(seed)
         points = np.column_stack([np.full(16_000, 20.0), rng.uniform(-20, 20, 16_000), rng.uniform(-8, 8, 16_000)])
         return points, self.PLACES[(points[:, 1] > 0).astype(int)]
@@ -128,7 +128,7 @@ class TestManyViewpoints:
             assert ranges.min() - 0.01 <= near[np.isfinite(near)].min()
             assert near[np.isfinite(near)].max() <= ranges.max()
 
-    def test_of_very_many_places_some_take_part(self, device: Device) -> None:
+    def test_only_some_of_very_many_places_are_used(self, device: Device) -> None:
         """A line flown over a bed: 300 pings from 300 places."""
         along = np.repeat(np.arange(300.0), 40)
         across = np.tile(np.linspace(-15, 15, 40), 300)
@@ -141,8 +141,8 @@ class TestManyViewpoints:
         assert stations.max() > 290
 
 
-def test_both_views_are_asked_and_their_mean_told(device: Device) -> None:
-    """The target's sensor saw through to 30 voxels, the source's to 20 in the same direction."""
+def test_shares_are_the_mean_of_both_views(device: Device) -> None:
+    """The target's sensor saw as far as 30 voxels, the source's 20 in the same direction."""
     far, near = view_of(device, shell(30.0, 1)), view_of(device, shell(20.0, 2))
     (shares,) = visibility(device, far, near, still(device), [(1.0, 0.0)]).read()
     assert shares.contradict[0] == pytest.approx(0.5, abs=0.05)

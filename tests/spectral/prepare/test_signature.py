@@ -1,4 +1,4 @@
-"""Signatures of scans: what no rotation and no translation changes, and what tells places apart."""
+"""Signatures of scans: invariance to rotation and translation, and distinction of places."""
 
 from itertools import combinations_with_replacement, product
 
@@ -22,13 +22,13 @@ def coefficients(seed: int = 1) -> np.ndarray:
 
 
 def products(given: np.ndarray) -> np.ndarray:
-    """What the layers have in common, in float32 as `Harmonics.products` gives it."""
+    """Products of the layers in float32, as from `Harmonics.products`."""
     exact = given.astype(np.complex128)
     return np.real(exact @ exact.conj().transpose(0, 2, 1)).astype(np.float32)
 
 
 class TestSignature:
-    def test_says_what_the_formula_says(self):
+    def test_it_follows_the_formula(self):
         given = coefficients()
         chosen = given[1:, ::2].astype(np.complex128)
         energies = np.square(np.abs(chosen)).sum(axis=2)

@@ -1,4 +1,4 @@
-"""The surface of a scan: noise along the normals goes, walls stay where they are, and so do wild points."""
+"""The surface of a scan: smoothing removes noise along normals and moves neither walls nor stray points."""
 
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ TURN = Rotation.from_euler("ZYX", [40, -25, 12], degrees=True)
 
 
 def noisy_plane(sigma: float = 0.4) -> np.ndarray:
-    """(900, 3) points, one a voxel, on z = 0 but for noise along z [voxels]."""
+    """Points (900, 3), one per voxel, on z = 0 with noise along z [voxels]."""
     x, y = np.meshgrid(np.arange(-15.0, 15.0), np.arange(-12.0, 18.0), indexing="ij")
     return np.column_stack([x.ravel(), y.ravel(), np.random.default_rng(1).normal(0, sigma, x.size)])
 
@@ -24,7 +24,7 @@ def test_noise_along_the_normal_is_averaged() -> None:
     assert np.median(np.abs(surface.normals[:, 2])) > np.cos(np.deg2rad(12))
 
 
-def test_smoothed_further_heights_and_normals_are_noise_the_less() -> None:
+def test_further_smoothing_reduces_noise_of_heights_and_normals() -> None:
     surface = surface_of(noisy_plane(), [np.array([0.0, 0.0, 20.0])])
     smoother = smoothed_further(chosen_device(), surface)
     assert len(smoother) == 3
@@ -36,7 +36,7 @@ def test_smoothed_further_heights_and_normals_are_noise_the_less() -> None:
         np.testing.assert_array_equal(more.elements.rows.get().reshape(more.rows.shape), more.rows)
 
 
-def test_smoothed_further_what_is_near_a_rim_counts_as_rim() -> None:
+def test_after_further_smoothing_points_near_a_rim_are_rim_points() -> None:
     x, y = np.meshgrid(np.arange(20.0), np.arange(16.0))
     surface = surface_of(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))
     for smooth in smoothed_further(chosen_device(), surface):
@@ -46,7 +46,7 @@ def test_smoothed_further_what_is_near_a_rim_counts_as_rim() -> None:
         assert not np.delete(inner, np.s_[3:-3], axis=1).any()
 
 
-def test_few_points_will_do_and_the_cells_are_of_the_smoothed_points() -> None:
+def test_few_points_suffice_and_the_cells_hold_the_smoothed_points() -> None:
     surface = surface_of(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
     np.testing.assert_allclose(np.abs(surface.normals[:, 2]), 1)
     surface = surface_of(noisy_plane())

@@ -1,4 +1,4 @@
-"""Which poses are tried where instruments know which way is up, and how far a shift may be off."""
+"""The sweep of rotations with measured attitudes, and the box of shifts."""
 
 import numpy as np
 import pytest
@@ -29,12 +29,12 @@ def bounds(prior: RelativePrior | None, voxel: float = 0.5) -> Bounds:
 
 
 def world_turns(relative: RelativePrior, R: Rotation) -> np.ndarray:
-    """How far rotations are turned from the measured one, (n,) [rad]."""
+    """Turns of rotations from the measured one, (n,) [rad]."""
     return relative.residuals(RigidTransform.from_rotation(R))[:, 2]
 
 
 class TestSweep:
-    def test_there_is_none_without_priors_or_both_attitudes(self) -> None:
+    def test_there_is_no_sweep_without_both_attitudes(self) -> None:
         unsure_target = RelativePrior(prior(T_TARGET, HEADING, POSITION), prior(T_SOURCE, *ALL))
         for relative in (None, pair(HEADING, POSITION, DEPTH), pair(DEPTH), unsure_target):
             assert bounds(relative).sweep is None
@@ -99,7 +99,7 @@ class TestSweep:
         np.testing.assert_allclose(np.linalg.norm(tilts[:, 1:], axis=2), lengths, atol=0.03)
         np.testing.assert_allclose(tilts.mean(axis=1), 0, atol=1e-9)
 
-    def test_unsure_headings_bound_no_turn(self) -> None:
+    def test_uncertain_headings_do_not_bound_turns(self) -> None:
         sigmas = np.array([0.01, 0.02, 0.6, 1, 1, 1])
         swept, all_around = (bounds(pair(*kinds, sigmas=sigmas)).sweep for kinds in ((ATTITUDE, HEADING), (ATTITUDE,)))
         assert swept is not None
@@ -109,12 +109,12 @@ class TestSweep:
 
 
 class TestShiftBox:
-    def test_none_where_priors_do_not_bound_it(self) -> None:
+    def test_there_is_no_box_without_bounds_on_all_axes(self) -> None:
         for relative in (None, pair(ATTITUDE, HEADING, DEPTH), pair(HEADING, POSITION, DEPTH)):
             assert bounds(relative).shift_box(T_TRUE.rotation) is None
 
     @pytest.mark.parametrize("voxel", [0.25, 2.0])
-    def test_as_many_voxels_are_added_on_all_sides(self, voxel: float) -> None:
+    def test_the_same_tolerance_is_added_on_all_sides(self, voxel: float) -> None:
         relative = pair(*ALL)
         measured, box = relative.shift_box(T_TRUE.rotation), bounds(relative, voxel).shift_box(T_TRUE.rotation)
         assert measured is not None

@@ -1,4 +1,4 @@
-"""Point-to-plane refinement: a known pose found again from nearby, and what no surface fixes left alone."""
+"""Point-to-plane refinement: convergence to a known pose, and unconstrained directions."""
 
 import numpy as np
 import pytest
@@ -45,14 +45,14 @@ def refine_one(
     width: float = 0.0,
     stretches: bool = False,
 ) -> Fit:
-    """From one place."""
+    """The refinement of one pose."""
     start = Start(Rotation.concatenate([R]), shift[None], np.array([width]), stretches)
     (fit,) = refine(chosen_device(), target, source, start, [Stage(reaches, most)]).read()
     return fit
 
 
 def off(fit: Fit, R: Rotation, shift: np.ndarray) -> tuple[float, float]:
-    """Degrees and voxels."""
+    """Errors in degrees and voxels."""
     return float(np.rad2deg((fit.R * R.inv()).magnitude())), float(np.linalg.norm(fit.shift - shift))
 
 
@@ -77,7 +77,7 @@ def lattice(x: float, y: float, height: float = 0.0, slope: float = 0.0) -> np.n
 
 @pytest.fixture(scope="module")
 def pair() -> tuple[Surface, Surface]:
-    """The corner, and other points of it as a source sees them."""
+    """The corner as target, and other points of it as source."""
     return surface_of(corner(1)), surface_of(R_TRUE.inv().apply(corner(2) - SHIFT_TRUE))
 
 
@@ -89,7 +89,7 @@ def test_a_known_pose_is_found_from_nearby(pair: tuple[Surface, Surface], side: 
     assert 0 < fit.residual < 0.2
 
 
-def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]) -> None:
+def test_a_surface_in_one_scan_alone_does_not_move_the_pose(pair: tuple[Surface, Surface]) -> None:
     """A plate that stands a voxel before the floor, in the source alone."""
     u = np.random.default_rng(5).uniform(-1, 1, (400, 2))
     plate = np.column_stack([5 * u[:, 0], 4 * u[:, 1], 0.1 * 5 * u[:, 0] - 5.0])
@@ -98,7 +98,7 @@ def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]
     assert_at(refine_one(pair[0], source, R_TRUE, SHIFT_TRUE, REACHES, 4000), R_TRUE, SHIFT_TRUE, 0.15, 0.1)
 
 
-def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
+def test_a_plane_moves_along_its_normal_only() -> None:
     plane = surface_of(lattice(12, 12))
     fit = refine_one(plane, plane, Rotation.identity(), np.array([0.4, -0.3, 1.0]), REACHES, 3000)
     np.testing.assert_allclose(fit.shift, [0.4, -0.3, 0.0], atol=1e-5)
@@ -109,7 +109,7 @@ def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
 
 
 def room(seed: int) -> np.ndarray:
-    """The corner and a wall across the room: as far apart as the scan says, or not."""
+    """The corner and an opposite wall, at the true distance or not."""
     u = np.random.default_rng(100 + seed).uniform(-1, 1, (2000, 4))
     front = np.column_stack([12 * u[:, 0], -9 + 0.1 * 12 * u[:, 0], 6 * u[:, 1]])
     other = np.column_stack([-14 + 0.5 * u[:, 2], 9 * u[:, 2], 6 * u[:, 3]])
@@ -127,7 +127,7 @@ def rigid_and_stretched(pair: tuple[Surface, Surface], R: Rotation, shift: np.nd
 
 
 class TestStretch:
-    """Ranges of the source that are too long by a share; each scan is seen from its own place in the room."""
+    """Ranges of the source are too long by a share; the scans are seen from different places in the room."""
 
     TARGET_VIEW, SOURCE_VIEW = np.array([-6.0, -4.0, 2.0]), np.array([7.0, 3.0, 0.0])
     STRETCH = 0.02
@@ -165,7 +165,7 @@ class TestStretch:
             assert stretch_of(fit).sum() == pytest.approx(0, abs=1e-12)
         assert abs(np.mean(shorter)) < 0.03
 
-    def test_scans_of_unknown_viewpoints_are_taken_as_they_are(self, pair: tuple[Surface, Surface]) -> None:
+    def test_scans_of_unknown_viewpoints_are_not_stretched(self, pair: tuple[Surface, Surface]) -> None:
         rigid, estimated = rigid_and_stretched(pair, R_TRUE, SHIFT_TRUE + 0.5)
         np.testing.assert_allclose(estimated.shift, rigid.shift, atol=1e-9)
         np.testing.assert_allclose(estimated.information, rigid.information, rtol=1e-9)
@@ -176,7 +176,7 @@ class TestStretch:
         np.testing.assert_allclose(stretch_of(fit), 0, atol=1e-9)
         np.testing.assert_allclose(fit.shift, 0, atol=1e-9)
 
-    def test_what_both_scans_may_share_leaves_the_shift_less_sure(self, stretched: tuple[Surface, Surface]) -> None:
+    def test_a_common_stretch_makes_the_shift_less_certain(self, stretched: tuple[Surface, Surface]) -> None:
         """Two scans stretched alike about places apart fit at a shift that is off by a share of their distance."""
         rigid, estimated = rigid_and_stretched(stretched, Rotation.identity(), np.zeros(3))
         apart = self.SOURCE_VIEW - self.TARGET_VIEW
@@ -188,14 +188,14 @@ class TestStretch:
         assert not by_stretch(rigid, np.linalg.inv(rigid.information)).any()
 
 
-def test_information_does_not_depend_on_how_many_points_took_part(pair: tuple[Surface, Surface]) -> None:
+def test_information_does_not_depend_on_the_number_of_points_used(pair: tuple[Surface, Surface]) -> None:
     few, many = (refine_one(*pair, R_TRUE, SHIFT_TRUE, REACHES, most) for most in (500, 3000))
     assert few.pairs == pytest.approx(many.pairs, rel=0.1)
     np.testing.assert_allclose(np.diag(few.information), np.diag(many.information), rtol=0.25)
 
 
 @pytest.mark.slow
-def test_noise_of_a_quarter_to_four_voxels_tells_itself_apart() -> None:
+def test_the_width_measures_noise_of_a_quarter_to_four_voxels() -> None:
     """The residual alone, within a fixed reach, is the same for a voxel of noise and for four."""
     widths = []
     for noise in (0.25, 0.5, 1.0, 2.0, 4.0):
@@ -209,7 +209,7 @@ def test_noise_of_a_quarter_to_four_voxels_tells_itself_apart() -> None:
 
 
 def test_points_that_lie_on_the_planes_count_in_full() -> None:
-    """Normals are unit vectors: the information about the shift sums to the points that took part, of both scans."""
+    """Normals are unit vectors: the trace of the shift's information is the number of points used of both scans."""
     plane = surface_of(lattice(12, 10, slope=0.2))
     fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
     assert fit.pairs == pytest.approx(2 * 24 * 20)
@@ -225,7 +225,7 @@ def test_points_that_lie_on_the_planes_count_in_full() -> None:
     np.testing.assert_allclose(np.diag(fit.information)[:3], expected, rtol=1e-6, atol=1e-3)
 
 
-def test_stages_without_a_read_are_as_one_after_the_other(pair: tuple[Surface, Surface]) -> None:
+def test_stages_without_a_read_equal_separate_ones(pair: tuple[Surface, Surface]) -> None:
     first, second = Stage((8.0, 5.0, 3.0), 100), Stage((3.0, 2.0, 1.5), 800)
     start = Start(Rotation.concatenate([R_TRUE]), SHIFT_TRUE[None] + 0.7, np.zeros(1))
     (together,) = refine(chosen_device(), *pair, start, [first, second]).read()
@@ -235,8 +235,8 @@ def test_stages_without_a_read_are_as_one_after_the_other(pair: tuple[Surface, S
     assert_same(together, last)
 
 
-def test_wide_scans_are_brought_together_as_a_whole() -> None:
-    """Two layers 3 voxels apart on either side: a narrow bell would stop where one layer of each meets."""
+def test_wide_layers_are_aligned_as_a_whole() -> None:
+    """Two layers 3 voxels apart in each scan: a narrow weight would stop where one layer of each meets."""
     floor = np.column_stack([np.random.default_rng(3).uniform(-40, 40, (6000, 2)), np.zeros(6000)])
     layers = np.vstack([floor[:3000], floor[3000:] + np.array([0, 0, 3.0])])
     target, source = surface_of(layers), surface_of(layers[::-1] * np.array([1, -1, 1.0]))

@@ -1,4 +1,4 @@
-"""How much the planes of two scans are worth beside instruments, direction by direction."""
+"""Weights of the planes of two scans against instruments, by direction."""
 
 import numpy as np
 import pytest
@@ -16,14 +16,14 @@ def of(shared: np.ndarray) -> np.ndarray:
     return usual_covariance(HESSIAN[None], shared[None], VARIANCE)[0]
 
 
-def test_where_both_scans_show_the_same_planes_errors_are_the_usual_ones() -> None:
+def test_shared_planes_have_the_usual_covariance() -> None:
     expected = CALIBRATION.usual * 0.5 * np.linalg.inv(HESSIAN)
     np.testing.assert_allclose(of(HESSIAN), expected, rtol=1e-9)
     np.testing.assert_allclose(of(0.5 * HESSIAN), expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("share", [0.0, -0.2, 0.01])
-def test_what_noise_alone_seems_to_fix_is_worth_less(share: float) -> None:
+def test_information_of_noise_alone_gets_less_weight(share: float) -> None:
     shared = HESSIAN.copy()
     shared[3, 3] *= share
     ratio = np.diag(of(shared)) / np.diag(of(HESSIAN))
@@ -34,7 +34,7 @@ BEGIN = State(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.full(2, 0.3), np.z
 
 
 class TestStretch:
-    """Opposite stretches eliminated by the Schur complement, beside the whole system solved at once."""
+    """Elimination of opposite stretches by the Schur complement, against the solution of the whole system."""
 
     def test_pose_and_opposite_stretches_solve_the_equations_of_all(self) -> None:
         rng = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""How sharply scans agree along the directions that hold them least, and which these are."""
+"""The observability along the least constrained directions, and the choice of these directions."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,7 +36,7 @@ def seen_at_truth(closed: bool) -> Observability:
     return registrar._verifier.observe_directions(target, source, fit).read()
 
 
-def test_a_trench_agrees_with_itself_along_its_length_alone() -> None:
+def test_a_trench_is_unconstrained_along_its_length_only() -> None:
     seen = seen_at_truth(closed=False)
     np.testing.assert_allclose(np.abs(seen.axes), np.eye(3), atol=1e-9)
     assert seen.slides.shape == (3, len(BANDS), 2)
@@ -46,13 +46,13 @@ def test_a_trench_agrees_with_itself_along_its_length_alone() -> None:
     assert (aside > 1.5 * up).all()
 
 
-def test_walls_across_hold_it() -> None:
+def test_cross_walls_constrain_it() -> None:
     opened, closed = seen_at_truth(closed=False), seen_at_truth(closed=True)
     assert (closed.slides[0, :, 1] < 0.95 * opened.slides[0, :, 1]).all()
 
 
-def test_the_weakest_directions_are_those_that_are_left_where_the_others_follow() -> None:
-    """A turn about z and a shift along y that do the same: neither is held but by what tells them apart."""
+def test_the_weakest_directions_are_of_marginal_information() -> None:
+    """A turn about z and a shift along y are nearly equivalent: only the information on their difference counts."""
     J = np.zeros((50, 6))
     rng = np.random.default_rng(3)
     J[:, 2] = 10 + 0.1 * rng.normal(size=50)

@@ -1,4 +1,4 @@
-"""What instruments measured, in the refinement's units and beside the planes: where a pose ends."""
+"""The prior term of instruments in the refinement, and its balance with the planes."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -19,12 +19,12 @@ FIRM = np.diag(0.5 / np.array([400.0, 300, 500, 90, 80, 70]))  # covariance by p
 
 
 def height(off: float, sigma: float) -> PriorTerm:
-    """The pose lies `off` above what was measured."""
+    """A prior term of a pose that is `off` above the measurement."""
     return PriorTerm(np.array([off]), HEIGHT, np.array([[sigma**2]]), NOTHING)
 
 
 def test_scans_and_instrument_meet_where_their_variances_say() -> None:
-    """The planes would have z at 0.4, with a variance of 0.5 / 70; the instrument at -0.1."""
+    """The planes put z at 0.4, with a variance of 0.5 / 70, and the instrument at -0.1."""
     step = np.array([0, 0, 0, 0.3, 0, 0.4])
     found = posterior_step(step, FIRM, height(0.1, 0.2))
     scans, instrument = 0.5 / 70, 0.2**2
@@ -33,7 +33,7 @@ def test_scans_and_instrument_meet_where_their_variances_say() -> None:
     assert found[3] == pytest.approx(0.3, rel=1e-4)
 
 
-def test_what_the_planes_do_not_hold_goes_where_it_was_measured() -> None:
+def test_directions_without_planes_follow_the_measurement() -> None:
     flat = np.diag([1e-3, 1e-3, 1e9, 1e9, 1e9, 7e-3])
     everything = PriorTerm(
         np.array([0.02, -0.03, 0.04, 2.0, -1.5, 0.0]), np.eye(6), np.diag([1e-4] * 3 + [1.0] * 3), NOTHING
@@ -59,14 +59,14 @@ class TestDistortion:
         np.testing.assert_allclose(rest, 0, atol=1e-12)
         return float(added[5, 5])
 
-    def test_scans_that_agree_with_the_instrument_are_believed_and_others_less_and_less(self) -> None:
+    def test_scans_lose_weight_with_their_deviation_from_the_instrument(self) -> None:
         assert self.at(0.0) == self.at(-2.0) == self.at(2.9) == 0
         added = [self.at(sigmas) for sigmas in (3.1, 3.4, 3.7, 3.95)]
         assert (np.diff(added) > 0).all()
         assert added[0] > 0
 
     @pytest.mark.parametrize("sigmas", [4.5, -12.0])
-    def test_far_beyond_only_the_instrument_is(self, sigmas: float) -> None:
+    def test_far_beyond_the_pose_is_the_instruments(self, sigmas: float) -> None:
         """The step ends where it was measured, though the planes are firm."""
         far = sigmas * np.sqrt(0.5 / 70 + 0.2**2)
         found = posterior_step(np.array([0, 0, 0, 0.3, 0, far]), FIRM, height(0, 0.2))
@@ -80,7 +80,7 @@ LEVELED, HEADED = (ATTITUDE, POSITION, DEPTH), (ATTITUDE, HEADING, DEPTH)
 
 
 def scan(center: np.ndarray) -> Any:
-    """Of a prepared scan, what is asked for."""
+    """The fields of a prepared scan that the test needs."""
     points = np.random.default_rng(1).uniform(-20, 20, (50, 3))
     return SimpleNamespace(volume=SimpleNamespace(center=center), surface=SimpleNamespace(points=points))
 
@@ -103,7 +103,7 @@ def term(relative: RelativePrior, T: RigidTransform) -> PriorTerm:
 
 
 def moved(T: RigidTransform, step: np.ndarray) -> RigidTransform:
-    """By a turn of the target's axes about the source's grid center, and a shift along them [rad, voxels]."""
+    """Pose after a turn about the target's axes at the source's grid center and a shift along them [rad, voxels]."""
     R = Rotation.from_rotvec(step[:3]) * T.rotation
     center = T.apply(SOURCE_CENTER) + VOXEL * step[3:]
     return RigidTransform.from_components(center - R.apply(SOURCE_CENTER), R)
@@ -130,7 +130,7 @@ def test_residuals_and_covariance_are_of_the_sensors_pose(relative: RelativePrio
     np.testing.assert_allclose(measured.covariance, relative.residual_covariance(one)[0], atol=1e-12)
 
 
-def test_errors_that_all_points_share_leave_more_to_the_instrument() -> None:
+def test_shared_errors_of_points_give_the_instrument_more_weight() -> None:
     step = np.array([0, 0, 0, 0, 0, 0.4])
     plain = height(0.1, 0.2)
     shared = PriorTerm(plain.residual, HEIGHT, plain.covariance, np.diag([0, 0, 0, 0, 0, 0.2**2 - 0.5 / 70]))
@@ -139,7 +139,7 @@ def test_errors_that_all_points_share_leave_more_to_the_instrument() -> None:
 
 
 @pytest.mark.parametrize("kinds", [None, (POSITION, DEPTH), (HEADING,)])
-def test_none_where_nothing_is_measured_in_full(kinds: tuple[slice, ...] | None) -> None:
+def test_there_is_no_term_without_a_full_measurement(kinds: tuple[slice, ...] | None) -> None:
     known = None if kinds is None else RelativePrior(prior(T_TARGET, *kinds), prior(T_SOURCE, *kinds))
     turn, shift = pose(T_TRUE)
     assert of(known).prior_at(Rotation.concatenate([turn]), shift[None], stretches=False) is None

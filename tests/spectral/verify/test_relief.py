@@ -1,4 +1,4 @@
-"""Heights over beds at every turn and shift: beside sums by hand, in turned axes, and where beams draw lines."""
+"""Correlation of heights over beds: against plain sums, in turned axes, and with lines of beams."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def seen(rng: np.random.Generator, about: tuple[float, float], count: int = 3000
 
 
 def above(points: np.ndarray, axes: Rotation, seen_from: tuple[float, float, float] | None = (0, 0, 40)) -> Surface:
-    """The surface of points in turned axes, seen from a place in their own."""
+    """The surface of points in turned axes, seen from a viewpoint in their original axes."""
     return surface_of(axes.apply(points), [] if seen_from is None else [axes.apply(seen_from)])
 
 
@@ -35,10 +35,10 @@ def any_rotation(R: Rotation) -> np.ndarray:
 @pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("seen_from", [(0, 0, 40), None])
 @pytest.mark.parametrize(("yaw", "moved"), [(0.0, (8, -4, 1.5)), (1.7, (-20, 12, 0)), (4.4, (0, 24, -3))])
-def test_the_true_turn_and_shift_are_named_first_in_any_axes(
+def test_the_true_turn_and_shift_are_the_best_in_any_axes(
     yaw: float, moved: tuple[float, float, float], seen_from: tuple[float, float, float] | None
 ) -> None:
-    """A twentieth of the points are strays, which no height of the bed is told by."""
+    """A twentieth of the points are strays, which must not change the heights."""
     rng = np.random.default_rng(3)
     R = TILT * Rotation.from_euler("z", yaw)
     target, source = seen(rng, (0, 0)), seen(rng, (10, -6))
@@ -56,7 +56,7 @@ def test_the_true_turn_and_shift_are_named_first_in_any_axes(
     assert TILT.inv().apply(off)[2] == pytest.approx(0, abs=0.7)
 
 
-def test_only_rotations_that_are_allowed_are_named() -> None:
+def test_only_allowed_rotations_are_found_by_height() -> None:
     rng = np.random.default_rng(6)
     ours, theirs = above(seen(rng, (0, 0)), TILT), above(seen(rng, (5, 5)), TILT)
     far = alike_places(ours, theirs, lambda R: R.magnitude() > 1.0, 4)
@@ -68,7 +68,7 @@ def test_only_rotations_that_are_allowed_are_named() -> None:
     assert len(none.R) == 0
 
 
-def test_a_flat_bed_and_few_points_name_nothing() -> None:
+def test_a_flat_bed_and_few_points_give_no_places() -> None:
     rng = np.random.default_rng(5)
     flat = above(np.column_stack([rng.uniform(-30, 30, (500, 2)), np.zeros(500)]), TILT)
     few = above(np.array([[0.0, 0, 0], [3, 0, 0], [0, 5, 0]]), TILT)
@@ -83,8 +83,8 @@ def test_a_bed_is_level_in_any_axes_and_a_corner_is_not() -> None:
     assert not is_level(above(np.vstack([points, wall]), TILT))
 
 
-def test_how_alike_heights_are_is_told_by_the_cells_in_common() -> None:
-    """Summed by hand, to 1e-6, over all cells that both show at the shift."""
+def test_similarity_is_computed_over_the_cells_in_common() -> None:
+    """Against plain sums, to 1e-6, over the cells in common at each shift."""
     rng = np.random.default_rng(4)
     target, source = seen(rng, (0, 0), 300), seen(rng, (6, 9), 250) - (8, -12, 0)
 
@@ -105,8 +105,8 @@ def test_how_alike_heights_are_is_told_by_the_cells_in_common() -> None:
         assert higher == pytest.approx(np.mean([a - b for a, b in both]), abs=1e-6)
 
 
-def test_lines_that_beams_draw_do_not_hold_a_scan_where_it_has_not_moved() -> None:
-    """Both scans show lines 5 voxels apart, at the same places of the sensor, which has moved by 13 voxels."""
+def test_beam_lines_do_not_favor_the_identity() -> None:
+    """Both scans have lines 5 voxels apart, fixed to the sensor, which has moved by 13 voxels."""
     along, across = np.meshgrid(np.arange(-30.0, 30.0), np.arange(-30.0, 30.0, 5.0))
     lines = np.column_stack([along.ravel(), across.ravel()])
     moved = np.array([5.0, 12.0, 0.0])

@@ -15,13 +15,13 @@ ALL = 100_000
 
 
 def bed(half: int = 30) -> np.ndarray:
-    """A point a voxel, level at z = 0."""
+    """One point per voxel, level at z = 0."""
     x, y = np.meshgrid(np.arange(-half, half), np.arange(-half, half))
     return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]).astype(float)
 
 
 def wall(x: float) -> np.ndarray:
-    """Upright across x, above the bed."""
+    """Points of a wall across x, above the bed."""
     y, z = np.meshgrid(np.arange(-20, 20), np.arange(3, 13))
     return np.column_stack([np.full(y.size, x), y.ravel(), z.ravel()])
 
@@ -31,7 +31,7 @@ def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
 
 
 def shared_surface(target: Surface, source: Surface, R: Rotation, shift: np.ndarray, most: int) -> SharedSurface:
-    """Under one pose."""
+    """The shared surface under one pose."""
     poses = upload_poses(chosen_device(), R.as_matrix()[None], shift[None])
     (shared,) = shared_surfaces(chosen_device(), target, source, poses, most).read()
     return shared
@@ -42,7 +42,7 @@ def shares(target: np.ndarray, source: np.ndarray, R: Rotation = STILL, shift: n
     return found.agree, found.covered, found.overlap
 
 
-def test_a_scan_shares_all_with_itself_however_it_is_turned() -> None:
+def test_a_scan_shares_its_whole_surface_with_itself_in_any_orientation() -> None:
     scene = np.vstack([bed(), wall(10.0)])
     assert shares(scene, R.inv().apply(scene - SHIFT), R, SHIFT) == pytest.approx((1, 1, 1), abs=0.01)
 
@@ -55,8 +55,8 @@ def test_a_surface_that_crosses_another_does_not_agree_with_it() -> None:
     assert overlap > 0.01
 
 
-def test_what_the_other_scan_does_not_cover_is_not_missed() -> None:
-    """Half of the source lies beyond the target's edge: consistency is of the rest."""
+def test_uncovered_points_do_not_lower_the_consistency() -> None:
+    """Half of the source is beyond the target's edge: only the rest counts."""
     found = shared_surface(surface_of(bed()), surface_of(moved(bed(), 30.0, 0, 0)), STILL, HERE, ALL)
     assert found.overlap == pytest.approx(0.5, abs=0.06)
     assert found.consistency > 0.75
@@ -67,8 +67,8 @@ def test_what_the_other_scan_does_not_cover_is_not_missed() -> None:
     assert shares(bed(), moved(bed(), 0, 0, 500.0)) == (0, 0, 0)
 
 
-def test_a_wall_counts_as_much_as_the_wide_bed() -> None:
-    """The walls stand 8 voxels apart: the beds agree, nine points of ten, and half of all directions do not."""
+def test_a_wall_has_the_weight_of_the_wide_bed() -> None:
+    """The walls are 8 voxels apart: nine points of ten, on the beds, agree, but only half of the directions."""
     agree, covered, overlap = shares(np.vstack([bed(), wall(10.0)]), np.vstack([bed(), wall(18.0)]))
     assert overlap > 0.88
     assert 0.4 < agree < 0.65

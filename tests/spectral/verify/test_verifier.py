@@ -1,4 +1,4 @@
-"""Candidates and hypotheses of a pair: shifts, evidence, what the finalists lack, and how the best is refined."""
+"""Candidates and hypotheses of a pair: shifts, evidence, missed places, and the final refinement."""
 
 from dataclasses import replace
 from typing import Any
@@ -42,7 +42,7 @@ def verifier() -> Verifier:
 
 
 def two_scans() -> tuple[SpectralScan, SpectralScan]:
-    """Their grids' centers lie 18 and -18 voxels apart."""
+    """Two scans whose grids' centers are 18 and -18 voxels apart."""
     registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL))
     target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
     return target, source
@@ -54,7 +54,7 @@ pair = pytest.fixture(scope="module")(two_scans)
 def observed(
     verifier: Verifier, pair: tuple[SpectralScan, SpectralScan], hypotheses: list[Hypothesis], *most: int
 ) -> list[Hypothesis]:
-    """With what the scans saw, in the same order."""
+    """The hypotheses with their evidence, in the same order."""
     fits = [hypothesis.fit for hypothesis in hypotheses]
     R = np.stack([fit.R.as_matrix() for fit in fits])
     poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
@@ -65,7 +65,7 @@ def observed(
 def looked_at(
     verifier: Verifier, pair: tuple[SpectralScan, SpectralScan], hypotheses: list[Hypothesis]
 ) -> list[Hypothesis]:
-    """With what the scans saw, best first."""
+    """The hypotheses with their evidence, best first."""
     return ranked(observed(verifier, pair, hypotheses))
 
 
@@ -84,7 +84,7 @@ def hypothesis(R: Rotation, shift: np.ndarray, rotation_score: float = 0.5) -> H
 
 
 class TestCandidates:
-    def test_the_true_shift_is_named_under_the_true_rotation(self, verifier, pair) -> None:
+    def test_the_true_shift_is_a_candidate_of_the_true_rotation(self, verifier, pair) -> None:
         candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
         off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
         right = np.flatnonzero(off < 2.0)
@@ -92,7 +92,7 @@ class TestCandidates:
         assert candidates.psr[right].max() > 1.5 * candidates.psr[candidates.rotation == 0].max()
         np.testing.assert_allclose((candidates.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
 
-    def test_the_best_is_the_true_one_and_none_comes_twice(self, verifier, pair) -> None:
+    def test_the_best_candidate_is_true_and_all_are_distinct(self, verifier, pair) -> None:
         nearby = Rotation.from_rotvec([0, 0, 0.03]) * TRUE.rotation
         candidates = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation), ANYWHERE * 3)
         best = verifier.best(*pair, candidates, Selection(5))
@@ -105,7 +105,7 @@ class TestCandidates:
                 turned = (candidates.R[int(index)].inv() * candidates.R[int(better)]).magnitude()
                 assert apart > 6.0 or turned > np.deg2rad(4.99)
 
-    def test_a_box_bounds_the_shifts_and_says_which_is_meant(self, verifier, pair) -> None:
+    def test_a_box_bounds_the_shifts_and_resolves_cyclic_ones(self, verifier, pair) -> None:
         center = np.rint(shift_of(pair)) + np.array([2, -3, 1])
         box = Box(center, np.array([6.0, 6.0, 6.0]))
         for named in (verifier.candidates, verifier.fine_candidates):
@@ -123,7 +123,7 @@ class TestCandidates:
         np.testing.assert_array_equal(unwrapped[:2], [[20.0, -3.0, 1.0], [-44.0, -3.0, 1.0]])
         np.testing.assert_array_equal(unwrapped[-1], shifts[2])
 
-    def test_both_whitenings_name_candidates_on_one_scale(self, verifier, pair) -> None:
+    def test_candidates_of_both_whitenings_have_one_scale(self, verifier, pair) -> None:
         """The usual highest peak of either stands for the same height."""
         candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
         assert sorted(set(candidates.rotation.tolist())) == [0, 1]
@@ -135,7 +135,7 @@ class TestCandidates:
 
 
 class TestEvidence:
-    def test_the_true_pose_is_told_from_one_that_is_off(self, verifier, pair) -> None:
+    def test_the_true_pose_has_better_evidence_than_a_wrong_one(self, verifier, pair) -> None:
         above_true = hypothesis(TRUE.rotation, shift_of(pair) + np.array([0, 0, 6.0]), 0.1)
         true = hypothesis(TRUE.rotation, shift_of(pair), 0.9)
         best, second = looked_at(verifier, pair, [above_true, true])
@@ -171,7 +171,7 @@ ASIDE = np.array([5.0, -4.0, 0.0])  # voxels
 
 @pytest.fixture(scope="module")
 def pair_test() -> HypothesisTest:
-    """Of two scans whose grids' centers lie 18 and -18 voxels apart."""
+    """The test of two scans whose grids' centers are 18 and -18 voxels apart."""
     return HypothesisTest(Grid(EDGE, VOXEL), *two_scans(), Bounds(np.pi, None, VOXEL), Verifier(choose_device(), EDGE))
 
 
@@ -184,18 +184,18 @@ def with_evidence(pair_test: HypothesisTest, hypotheses: list[Hypothesis]) -> li
 
 
 def off(pair_test: HypothesisTest, hypothesis: Hypothesis) -> float:
-    """How far its shift is from the true one [voxels]."""
+    """Distance of its shift from the true one [voxels]."""
     return float(np.linalg.norm(hypothesis.fit.shift - true_shift(pair_test)))
 
 
 class TestMissed:
-    def test_the_true_place_is_named_where_all_finalists_lie_beside_it(self, pair_test: HypothesisTest) -> None:
+    def test_the_true_place_is_found_if_all_finalists_are_beside_it(self, pair_test: HypothesisTest) -> None:
         beside = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (ASIDE, -ASIDE)]
         missed = pair_test.find_missed(beside)
         assert off(pair_test, missed[0]) < 1.0
         assert len(missed) <= len(beside)
 
-    def test_neither_a_finalist_nor_what_is_forbidden_is_named(self, pair_test: HypothesisTest, monkeypatch) -> None:
+    def test_neither_finalists_nor_poses_beyond_bounds_are_found(self, pair_test: HypothesisTest, monkeypatch) -> None:
         level = replace(pair_test, bounds=Bounds(np.deg2rad(3.0), None, VOXEL))
         for test, offset in ((pair_test, 0 * ASIDE), (level, ASIDE)):
             missed = test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test) + offset)])
@@ -210,12 +210,12 @@ class TestAlike:
         (beside,) = with_evidence(pair_test, [hypothesis(TRUE.rotation, true_shift(pair_test) + offset)])
         return replace(beside, evidence=replace(beside.evidence, firmness=firmness))
 
-    def test_the_true_place_is_named_from_one_that_slid(self, pair_test: HypothesisTest) -> None:
+    def test_the_true_place_is_found_from_a_slid_one(self, pair_test: HypothesisTest) -> None:
         named = pair_test.find_alike([self.known(pair_test, 2 * ASIDE, 0.01)])
         assert min(off(pair_test, each) for each in named) < 1.0
         assert len(named) <= 4
 
-    def test_nothing_is_named_where_planes_hold_the_best_and_no_bed_is_seen(
+    def test_nothing_is_found_if_planes_constrain_the_best_and_there_is_no_bed(
         self, pair_test: HypothesisTest, monkeypatch
     ) -> None:
         firm = self.known(pair_test, 2 * ASIDE, 0.1)
@@ -233,7 +233,7 @@ def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: Hypoth
 
 
 class TestClosest:
-    """Where planes hold the best weakly, how close the surfaces come counts."""
+    """If planes constrain the best hypothesis weakly, the residual counts."""
 
     def compared(self, pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch, firm: float) -> list[Hypothesis]:
         monkeypatch.setattr("sonarmap.spectral.verify.hypothesis_testing._FIRM", firm)
@@ -241,7 +241,7 @@ class TestClosest:
         both = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
         return pair_test.compare(with_evidence(pair_test, both))
 
-    def test_it_counts_where_planes_hold_the_best_weakly_alone(self, pair_test: HypothesisTest, monkeypatch) -> None:
+    def test_it_counts_only_if_planes_constrain_the_best_weakly(self, pair_test: HypothesisTest, monkeypatch) -> None:
         assert [each.evidence.closeness for each in self.compared(pair_test, monkeypatch, 0.0)] == [0.0, 0.0]
         right, wrong = self.compared(pair_test, monkeypatch, 1.0)
         assert off(pair_test, right) < 0.5
@@ -253,7 +253,7 @@ class TestClosest:
         assert replace(wrong, evidence=peak).score > right.score
         assert replace(wrong, evidence=replace(peak, closeness=wrong.evidence.closeness)).score < right.score
 
-    def test_what_smoother_surfaces_drive_off_stays_where_it_was(self, pair_test: HypothesisTest, monkeypatch) -> None:
+    def test_divergence_on_smoothed_surfaces_is_undone(self, pair_test: HypothesisTest, monkeypatch) -> None:
         steps = HypothesisTest._steps
 
         def driven(test: HypothesisTest, start: Start, stages: list[Stage]) -> Any:
@@ -267,7 +267,7 @@ class TestClosest:
         assert right.evidence.closeness > 0.0
 
 
-def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None:
+def test_the_best_improves_and_occurs_once(pair_test: HypothesisTest) -> None:
     rough = hypothesis(Rotation.from_rotvec([0, 0, 0.01]) * TRUE.rotation, true_shift(pair_test) + 0.8)
     first = pair_test.compare(with_evidence(pair_test, [rough]))[0]
     best, *others = pair_test.finish([first, replace(first, candidate_psr=first.candidate_psr / 2)])
@@ -278,8 +278,8 @@ def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None
     assert np.rad2deg((T.rotation.inv() * TRUE.rotation).magnitude()) < 0.3
 
 
-def test_how_far_a_pose_is_from_no_motion(pair_test: HypothesisTest) -> None:
-    """At no motion the scans' own frames agree; a shift counts in voxels, a turn as what is 30 voxels away moves."""
+def test_moved_is_the_distance_from_the_identity(pair_test: HypothesisTest) -> None:
+    """A shift counts in voxels, a turn by the displacement of points 30 voxels away."""
     centers = [scan.volume.center for scan in (pair_test.target, pair_test.source)]
     still = hypothesis(Rotation.identity(), (centers[1] - centers[0]) / VOXEL).fit
     assert pair_test.moved(still) == pytest.approx(0.0, abs=1e-4)
@@ -291,8 +291,8 @@ def test_how_far_a_pose_is_from_no_motion(pair_test: HypothesisTest) -> None:
 
 
 @pytest.mark.parametrize("spread", [0.02, 0.04, 1.0])
-def test_of_hypotheses_at_the_same_pose_the_best_is_kept(spread: float) -> None:
-    """Compared pair by pair with SciPy's rotations; both signs of a quaternion are the same rotation."""
+def test_the_best_of_hypotheses_at_the_same_pose_is_kept(spread: float) -> None:
+    """Against pairwise comparison with SciPy's rotations; both signs of a quaternion are the same rotation."""
     rng = np.random.default_rng(1)
     R = Rotation.from_rotvec(rng.normal(0, spread, (40, 3)))
     turned = Rotation.from_quat(rng.choice([-1, 1], (40, 1)) * R.as_quat())
@@ -308,7 +308,7 @@ def test_of_hypotheses_at_the_same_pose_the_best_is_kept(spread: float) -> None:
     assert elsewhere(best_first, kept) == []
 
 
-def test_what_looks_hopeless_is_not_compared(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hypotheses_of_low_agreement_are_dropped(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
     both = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
     true, beside = with_evidence(pair_test, both)
     refined_again: list[int] = []

@@ -1,4 +1,4 @@
-"""Over weak relief, whose normals are mostly noise, surfaces come to rest where they belong."""
+"""Refinement over weak relief, whose normals are mostly noise, converges to the truth."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ AWAY = np.array([2.0, -1.0, 0.0])  # voxels
 
 
 def left_over(surfaces: list[tuple[Surface, Surface]], stages: Sequence[Stage]) -> float:
-    """How far a refinement stage by stage, each by surfaces of its own, ends from the truth [voxels]."""
+    """Error of a refinement whose stages use different surfaces [voxels]."""
     shift = AWAY
     for (target, source), stage in zip(surfaces, stages, strict=True):
         start = Start(Rotation.concatenate([Rotation.identity()]), shift[None], np.zeros(1))
@@ -33,7 +33,7 @@ def left_over(surfaces: list[tuple[Surface, Surface]], stages: Sequence[Stage]) 
 
 
 @pytest.mark.slow
-def test_they_come_to_rest_when_they_are_smoothed_further() -> None:
+def test_further_smoothing_makes_the_refinement_converge() -> None:
     ends: list[tuple[float, float]] = []
     for seed in (1, 11, 21):
         target, source = surface_of(bed(seed)), surface_of(bed(seed + 1))
