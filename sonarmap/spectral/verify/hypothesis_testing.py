@@ -58,8 +58,8 @@ class HypothesisTest(PairFrames):
         """The best of the `count` best candidates, roughly refined, best first; if none is within the bounds, the
         others.
 
-        On surfaces of little relief, wrong places agree nearly as well until refined. So many candidates are refined
-        with few points, and the best of these with more.
+        On surfaces of little relief, wrong places agree nearly as well until refined, so all candidates are refined
+        with few points first, and the best of these with more.
         """
         best = self.verifier.best(self.target, self.source, candidates, Selection(count, share=_PROMISING))
         first = Stage(tuple(self.verifier.coarser * reach for reach in _FIRST.reaches), _FIRST.points)
