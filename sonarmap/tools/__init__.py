@@ -1,12 +1,12 @@
-"""Everything that touches the world, in wings, each built on those before it.
+"""Input, output and the command line, in packages of which each uses only those before it.
 
-`files`: what a file says and gets. `methods`: which methods of registration there are. `products`: what becomes of a
-finished map. `lab`: simulator, scores, experiments, benchmarks. `command`: what the user asks for.
+`files`: readers and writers of file formats. `methods`: the registration methods. `products`: exports, report and
+comparison of finished maps. `lab`: simulator, scores, experiments, benchmarks. `command`: the command line.
 """
 
 try:
     import lazy_loader
-except ImportError:  # `sonarmap doctor`, which starts here, is to say what is missing
+except ImportError:  # `sonarmap doctor` imports this package and reports what is missing
     pass
 else:
     __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""What `import sonarmap` offers beside the classes of the rooms: registration, mapping, optimizing and reading.
+"""Functions of `import sonarmap`: registration, mapping, localization, comparison, optimization and reading.
 
 In: arrays, scans or paths. Out: the same results as the command line's, as objects.
 """
@@ -46,17 +46,17 @@ if TYPE_CHECKING:
     from sonarmap.tools.products.compare.comparison import Comparison
 
 _MAX_TILT = float(np.deg2rad(35.0))  # the paper's range of roll and pitch (Sect. 2.7)
-_EDGE = 128
+_EDGE = 128  # of the grid [voxels]
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedScan:
-    """A scan with everything that every pair of it needs, computed once by `prepare`; it may hold device memory.
+    """A scan prepared once by `prepare` for registration to any other; it may hold device memory.
 
     Attributes:
         scan: the scan.
-        registrar: the method that prepared it; only scans of the same `prepare` can be registered to each other.
-        content: what the method made of it.
+        registrar: the method that prepared it; only scans of one `prepare` call can be registered to each other.
+        content: the method's prepared form of the scan.
     """
 
     scan: Scan
@@ -78,17 +78,17 @@ def register(
 ) -> Registration:
     """Register two scans without an initial guess: `T_target_source`, its covariance, and whether to accept it.
 
-    The next call with the same method, edge, tilt, device and seed uses the tables and the device memory of this one.
+    A next call with the same method, edge, tilt, device and seed reuses the tables and the device memory of this one.
 
     Args:
         target, source: each (N, 3) points of any float type [m, sensor frame: x forward, y left, z up], a `Scan`, or
-            the path of a file with one scan; or two scans of one `prepare`, whose arguments then count.
-        method: its name, as `sonarmap register --method` takes it.
-        voxel: edge of a voxel [m]; None for the one with which the larger scan fills the grid.
+            the path of a file with one scan; or two scans of one `prepare` call, whose arguments then apply.
+        method: name of the method, as in `sonarmap register --method`.
+        voxel: edge of a voxel [m]; None to choose it so that the larger scan fills the grid.
         edge: voxels per edge of the grid, an even product of 2, 3 and 5 from 16 to 512.
         max_tilt: largest roll and pitch between the scans [rad]; pi for any.
-        device: the OpenCL device as `sonarmap devices` lists it, "cpu" or "gpu"; None chooses one.
-        seed: of methods that draw at random.
+        device: name of an OpenCL device in `sonarmap devices`, "cpu" or "gpu"; None to choose one.
+        seed: seed of methods that draw random numbers.
 
     Returns:
         p_target = T_target_source p_source [m]; the covariance is (6, 6), rotation first [rad, m], in the body tangent
@@ -121,11 +121,11 @@ def prepare(
     device: str | None = None,
     seed: int = 0,
 ) -> list[PreparedScan]:
-    """Prepare scans once, to register any two of them with `register`; they share one grid.
+    """Prepare scans on one grid, so that `register` can register any two of them without repeating that work.
 
     Args:
-        scans: each as `register` takes it.
-        method, voxel, edge, max_tilt, device, seed: as of `register`; the voxel is chosen for the largest scan.
+        scans: each as in `register`.
+        method, voxel, edge, max_tilt, device, seed: as in `register`; the voxel is chosen for the largest scan.
 
     Raises:
         InputError: a scan, a file or an argument cannot be used.
@@ -160,21 +160,21 @@ def map_scans(
     """Map a survey: poses with covariances, the pose graph, every pair with its verdict, and the fused maps.
 
     Args:
-        scans: at least two, in the order in which they were taken, each as `register` takes it; or a folder, a file
-            with several scans, or a pattern; lines of pings are placed by their navigation. `read_scans` reads files
+        scans: at least two, in the order in which they were taken, each as in `register`; or a folder, a file with
+            several scans, or a pattern; lines of pings are placed by their navigation. Use `read_scans` for files
             whose ranges, axes or unit need a correction.
         method: the name of a method, or a `Registrar` of your own (`prepare(scan)`, `register(target, source)`).
-        voxel, edge, max_tilt, device, seed: as of `register`. With a method of your own `voxel` is the map's and sets
+        voxel, edge, max_tilt, device, seed: as in `register`. With a method of your own, `voxel` is the map's and sets
             the tolerances, and the others are ignored.
-        settings: of loops, motion, key scans, bridges and the map.
-        stamps: the time of each scan [s], in place of its own.
-        priors: what navigation measured of each scan's pose, in place of its own; None where it measured nothing.
-            `read_navigation` reads it from a file.
-        surveys: the number of each scan's survey, ascending; all are of one by default.
-        odometry: dead reckoning of the scans.
+        settings: settings of loops, motion, key scans, bridges and the map; None for the defaults.
+        stamps: the time of each scan [s]; None for the scans' own stamps.
+        priors: the pose that navigation measured for each scan, None for a scan without one; `read_navigation` reads
+            them from a file. None for the scans' own priors.
+        surveys: the survey number of each scan, ascending; None for one survey, or one for each line of pings.
+        odometry: dead reckoning at the scans' times.
         progress: called with (steps done, steps planned so far, text) after each step.
-        ties: pairs that you accept, reject or add.
-        control: points of scans with known coordinates, which bring the map into the world.
+        ties: pairs of scans that you accept, reject or add.
+        control: points in scans whose coordinates in the world are known; they put the map into the world frame.
 
     Raises:
         InputError: fewer than two scans, or a scan, a file or an argument that cannot be used.
@@ -219,17 +219,17 @@ def locate(
     max_tilt: float = _MAX_TILT,
     device: str | None = None,
 ) -> "list[Located]":
-    """Where scans were taken in a finished map: `T_map_scan`, its covariance, and whether to believe it.
+    """Locate scans in a finished map: `T_map_scan`, its covariance, and whether to accept it.
 
     Args:
-        folder: that `sonarmap map` wrote, or a map; its largest part is searched.
-        scans: as `map_scans` takes them; a scan's prior counts where instruments placed the map, and is in its frame.
-        alone: whether the scans do not follow one another.
-        voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the map as its scans saw it.
+        folder: a folder that `sonarmap map` wrote, or a map; its largest part is searched.
+        scans: as in `map_scans`; their priors are in the map's frame, and used only if instruments measured it.
+        alone: whether to locate each scan on its own; False for consecutive scans, which support one another.
+        voxel, edge, max_tilt, device: as in `register`; the voxel is chosen for views of the map from its scans.
 
     Returns:
-        of each scan, also of one that is not `located`: p_map = T_map_scan p_scan [m]; the covariance is (6, 6),
-        rotation first [rad, m], in the body tangent of the scan.
+        One result per scan, `located` or not: p_map = T_map_scan p_scan [m]; the covariance is (6, 6), rotation first
+        [rad, m], in the body tangent of the scan.
 
     Raises:
         InputError: the folder, a scan, a file or an argument cannot be used.
@@ -258,23 +258,23 @@ def compare(
     max_tilt: float = _MAX_TILT,
     device: str | None = None,
 ) -> "Comparison":
-    """What changed between two surveys of a place: distances with their levels of detection, and regions that changed.
+    """Compare two surveys of a place: distances with their levels of detection, and the regions that changed.
 
     Args:
-        old, new: folders that `sonarmap map` wrote, or maps; the largest part of each counts. One of them may be a
-            point cloud of another program: its file, or (N, 3) points [m].
-        same_frame: whether both are in one frame, so that nothing is registered: by their places on the Earth where
-            both have one, else as they are. Otherwise `new` is registered to `old`.
+        old, new: folders that `sonarmap map` wrote, or maps; the largest part of each is compared. One of them may be
+            a point cloud of another program: its file, or (N, 3) points [m].
+        same_frame: whether both are in one frame already: by their georeferences if both have one, otherwise as they
+            are. If False, `new` is registered to `old`.
         reach: search distance along the old surface's normal [m]; None for four voxels.
-        cloud_sigma: standard deviation of a coordinate of the point cloud [m]; None for what its scatter says.
-        voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the map, the old one of two, as its
-            scans saw it.
+        cloud_sigma: standard deviation of a coordinate of the point cloud [m]; None to estimate it from the scatter.
+        voxel, edge, max_tilt, device: as in `register`; the voxel is chosen for views of the map, the old one of two,
+            from its scans.
 
     Returns:
-        in the frame of the old map, or of the cloud, as `notes` say; volumes of regions [m^3] have standard deviations.
+        The comparison in the frame of the old map or of the cloud, as its `notes` say; volumes [m^3] have sigmas.
 
     Raises:
-        InputError: a folder or an argument cannot be used, or the new map was not found in the old one
+        InputError: a folder or an argument cannot be used, or the new map cannot be aligned to the old one
             (`NotAlignedError`).
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
@@ -297,7 +297,7 @@ def compare(
 def _for_views(
     surveyed: "SurveyedMap", edge: int, voxel: float | None, max_tilt: float, device: str | None
 ) -> "Generator[SpectralRegistrar]":
-    """Within the block, who registers to views of a map, on the grid that suits them."""
+    """Within the block, a registrar with a grid that fits the views of a map from its scans."""
     from sonarmap.slam.survey_grid import survey_grid
 
     grid = survey_grid(surveyed.key_scans(), edge, voxel)
@@ -308,9 +308,8 @@ def _for_views(
 def _read_survey(
     path: str, odometry: "Odometry | None"
 ) -> "tuple[Sequence[Scan], Odometry | None, TurnRates | None, Sequence[int] | None]":
-    """The scans of files, dead reckoning and turn rates of them, and which are of one line where they are of pings."""
-    from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
-    from sonarmap.tools.files.readers.pings.line_file import as_survey
+    """The scans of files, their dead reckoning and turn rates, and, for pings, the number of each scan's line."""
+    from sonarmap.tools.files.readers.pings.patches import as_survey
     from sonarmap.tools.files.readers.scans import read_scans as read
 
     files = read([path])
@@ -326,14 +325,14 @@ def optimize(
     start: "Start" = "chordal",
     robust: bool = False,
 ) -> "Optimized":
-    """The poses that agree best with the edges of a pose graph.
+    """Optimize a pose graph: find the poses that agree best with its edges.
 
     Args:
-        graph: connected, or the path of a g2o file or of a map's graph.json.
+        graph: a connected graph, or the path of a g2o file or of a map's graph.json.
         objective: "full", chi-squared with the edges' whole information; "isotropic", one weight for an edge's rotation
-            and one for its translation, whose optimum a certificate judges.
+            and one for its translation; a certificate says whether its solution is the global optimum.
         start: "chordal", from the edges alone; "given", from the graph's poses.
-        robust: whether to look for wrong edges first, and leave them out.
+        robust: whether to reject wrong edges first.
 
     Raises:
         InputError: the file, the graph or an argument cannot be used, or the equations have no unique solution.
@@ -361,23 +360,23 @@ def read_scans(
     frame: str = "flu",
     units: str = "m",
 ) -> list[Scan]:
-    """Every scan of the files, folders and patterns, in natural order of their names, as `sonarmap map` reads them.
+    """Read every scan of files, folders and patterns, in natural order of their names, as `sonarmap map` does.
 
     Args:
         paths: PLY, PCD, XYZ/TXT/CSV, NPY, NPZ, LAS, LAZ and .sonar files, ROS bags and MCAP files, folders and
             patterns; `recording.sonar#3` is one scan of a file with several, `dive.bag::/sonar/points` one topic.
-        sound_speed: the right one [m/s]; the ranges of each scan of a .sonar file are multiplied by its ratio to the
-            recorded one. None: they are right.
-        range_scale: a factor on the ranges besides, without a unit, of any format.
-        frame: axes of the points in the files, as of `--frame`: "flu", "frd", "rdf" or "ned".
-        units: of the points in the files, as of `--units`: "m", "cm", "mm", "ft" or "us-ft".
+        sound_speed: true speed of sound [m/s]; the ranges of each scan of a .sonar file are multiplied by its ratio to
+            the recorded one. None if the recorded one is right.
+        range_scale: another factor on the ranges, for files of any format.
+        frame: axes of the points in the files, as in `--frame`: "flu", "frd", "rdf" or "ned".
+        units: unit of the points in the files, as in `--units`: "m", "cm", "mm", "ft" or "us-ft".
 
     Returns:
-        Scans with points in meters, x forward, y left, z up; East, North, up of files with frame "ned".
+        Scans with points in meters: x forward, y left, z up, or East, North, up with frame "ned".
 
     Raises:
-        InputError: naming the file and, where it applies, its line or packet; or an argument that cannot be used, or
-            not with a file's format.
+        InputError: a file cannot be read (the message names its line or packet, if it has one); or an argument cannot
+            be used, in general or with a file's format.
     """
     from sonarmap.tools.files.readers.scans import Corrections, PointFrame
     from sonarmap.tools.files.readers.scans import read_scans as read

@@ -1,4 +1,4 @@
-"""Packages that an extra of sonarmap brings: imported where they are used, and named where they are missing."""
+"""Optional packages, which the extras of sonarmap install: import on use, and an error that names a missing one."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -6,7 +6,7 @@ from types import ModuleType
 
 from sonarmap.kernels.errors import InputError
 
-# The modules that code imports by itself, each with the extra that brings it.
+# Optional module -> the extra that installs it.
 EXTRA_OF = {
     "rasterio": "gis",
     "pyogrio": "gis",
@@ -26,16 +26,16 @@ EXTRA_OF = {
 
 
 def load_package(module: str, package: str, purpose: str, extra: str) -> ModuleType:
-    """The module of an optional package.
+    """Import the module of an optional package.
 
     Args:
-        module: what to import.
-        package: what pip calls it.
-        purpose: what it is wanted for, in words.
-        extra: of sonarmap, that brings it.
+        module: name of the module.
+        package: name of the package for pip.
+        purpose: what needs it, for the error message.
+        extra: the extra of sonarmap that installs it.
 
     Raises:
-        InputError: it is not installed, or does not load.
+        InputError: the package is not installed, or does not load.
     """
     try:
         return import_module(module)
@@ -47,11 +47,11 @@ def load_package(module: str, package: str, purpose: str, extra: str) -> ModuleT
 
 
 def require(module: str) -> None:
-    """Raises InputError: a module of `EXTRA_OF` is not installed. For what is used at the end of long work."""
+    """Raise InputError if a module of `EXTRA_OF` is not installed: before long work that needs it only at its end."""
     if find_spec(module) is None:
         raise InputError(f"this needs {module}, which is not installed. {how_to_install(EXTRA_OF[module])}")
 
 
 def how_to_install(extra: str) -> str:
-    """The line that brings an extra, as a sentence without its end."""
+    """How to install an extra, as a sentence without its final period."""
     return f"Install it with pip install 'sonarmap[{extra}]'"

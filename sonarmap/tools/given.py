@@ -1,4 +1,4 @@
-"""What a program gives to the functions of `sonarmap`, checked before anything else sees it."""
+"""Checks of the arguments of `sonarmap`'s functions."""
 
 import os
 import re
@@ -24,20 +24,20 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 _TEXT, _NONE, _PATHS = (str,), (type(None),), (str, os.PathLike)
-_PLAIN: dict[Any, Callable[[Any], object]] = {Integral: int, Real: float, bool: bool}  # Python's own of each kind
-_MOST = 2**63 - 1
-_COLUMNS = 32  # more of an array of three rows are points, one in each
-_FARTHEST = 2000.0  # of half of a scan's points [m]: sonars that map in 3D see tens of meters, or some hundreds
+_PLAIN: dict[Any, Callable[[Any], object]] = {Integral: int, Real: float, bool: bool}  # kind -> type of Python
+_MAX_INTEGER = 2**63 - 1
+_MAX_COLUMNS = 32  # an array of three rows and more columns is taken to be transposed
+_MAX_MEDIAN = 2000.0  # largest median coordinate of points in meters [m]: 3D sonars see a few hundred meters at most
 _OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)|`repairs`")
-# What options are called in Python, where their own name is not the argument's.
-_CALLED = {
+# Option -> argument of the same meaning, where the names differ.
+_ARGUMENT_OF = {
     **{"grid": "edge", "mount": "T_vehicle_sensor", "prior_sigmas": "sigmas", "origin_heading": "origin"},
     **{"magnetic_declination": "declination", "vertical": "origin"},
 }
 _LENGTH = "a length in meters above zero, such as 0.5, or None"
-_CHECKED_WHERE_USED = {"method", "graph"}  # which may be objects, too
+_CHECKED_WHERE_USED = {"method", "graph"}  # as they may also be objects
 _ABOVE_ZERO = {"reach", "cloud_sigma", "cell"}
-# Name of an argument -> its types, and what is wanted, in words. What another number may be, they say that use it.
+# Argument -> its types, and what is wanted, for the message. Other limits of numbers are checked where they are used.
 _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "method": (_TEXT, "the name of a method, such as 'spectral', or for `map_scans` a Registrar of your own"),
     "voxel": ((Real, *_NONE), "a length in meters above zero, such as 0.5, or None to have it chosen"),
@@ -70,33 +70,33 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
 
 
 def require(**arguments: object) -> list[Any]:
-    """The arguments in their order, numbers as Python's own: NumPy's of few bits overflow, and fractions are no floats.
-    Raises InputError: an argument's type is not its own, or its number too large: what was given and what is wanted."""
+    """The arguments in their order, with numbers as Python's int, float and bool: NumPy's small integers overflow.
+    Raises InputError: an argument has a wrong type, or its number is not finite or out of range."""
     values: list[Any] = []
     for name, value in arguments.items():
         types, wanted = _ARGUMENTS[name]
-        # True is a whole number to Python
+        # bool is a subclass of int
         if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
             raise _refusal(name, value, wanted)
         try:
             values.append(value if value is None else _PLAIN.get(types[0], lambda same: same)(value))
-        except (OverflowError, TypeError) as error:  # NumPy calls its time spans whole numbers
+        except (OverflowError, TypeError) as error:  # such as np.timedelta64, which is an Integral too
             raise _refusal(name, value, wanted) from error
-        if (types[0] is Integral and not 0 <= values[-1] <= _MOST) or not _is_finite(name, values[-1]):
+        if (types[0] is Integral and not 0 <= values[-1] <= _MAX_INTEGER) or not _is_finite(name, values[-1]):
             raise _refusal(name, value, wanted)
     return values
 
 
 def _is_finite(name: str, value: object) -> bool:
-    """Whether a number, if it is one, is finite, and above zero where it has to be."""
+    """Whether a value is finite, and above zero if its name is in `_ABOVE_ZERO`; True if it is not a float."""
     return not isinstance(value, float) or (np.isfinite(value) and (value > 0 or name not in _ABOVE_ZERO))
 
 
 def require_type(name: str, values: Sequence[object], *types: type | None) -> None:
-    """Refuse an argument of which a value is of none of these classes. Raises InputError: as `require`."""
+    """Raise InputError if one of an argument's values is not of one of these classes; None stands for itself."""
     for value in values:
-        if not any(value is None if each is None else isinstance(value, each) for each in types):
-            wanted = " or ".join("None" if each is None else each.__name__ for each in types)
+        if not any(value is None if kind is None else isinstance(value, kind) for kind in types):
+            wanted = " or ".join("None" if kind is None else kind.__name__ for kind in types)
             raise _refusal(name, value, wanted)
 
 
@@ -110,8 +110,8 @@ def _refusal(name: str, value: object, wanted: str) -> InputError:
 
 
 def as_scans(scans: Iterable[ScanLike]) -> list[Scan]:
-    """Each as a scan, stamped with its number where it is not one yet. Raises InputError: no iterable of scans, none in
-    it, or one that cannot be used."""
+    """The scans as `Scan`; points are stamped with their index. Raises InputError: `scans` is not an iterable of scans,
+    is empty, or holds a scan that cannot be used."""
     if getattr(scans, "ndim", None) == 2:
         raise _refusal("scans", np.shape(cast("Any", scans)), "a list of scans; give one as `[points]`")
     if isinstance(scans, _PATHS) or not np.iterable(scans):
@@ -124,11 +124,11 @@ def as_scans(scans: Iterable[ScanLike]) -> list[Scan]:
 
 
 def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
-    """The number of each scan's survey. Raises InputError: they are not as many whole numbers, ascending."""
+    """The survey number of each scan, as int. Raises InputError: they are not `count` ascending whole numbers."""
     if surveys is None:
         return None
     numbers: list[Any] = list(surveys) if np.iterable(surveys) else []
-    whole = all(type(each) is not bool and isinstance(each, Integral) and abs(int(each)) <= _MOST for each in numbers)
+    whole = all(type(n) is not bool and isinstance(n, Integral) and abs(int(n)) <= _MAX_INTEGER for n in numbers)
     if len(numbers) != count or not whole or numbers != sorted(numbers):
         wanted = f"the number of each scan's survey, ascending, {count} in all, such as [0, 0, 1], or None"
         raise _refusal("surveys", surveys, wanted)
@@ -138,7 +138,7 @@ def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
 def with_navigation(
     scans: Sequence[Scan], stamps: Sequence[float] | None, priors: Sequence[PosePrior | None] | None
 ) -> Sequence[Scan]:
-    """The scans with other stamps and priors. Raises InputError: there are not as many, or they are of other types."""
+    """The scans with the given stamps and priors. Raises InputError: their number or their types are wrong."""
     for name, values, kinds, wanted in (
         ("stamps", stamps, (Real,), "the time of each scan in seconds"),
         ("priors", priors, (PosePrior, type(None)), "a PosePrior of each scan, or None where there is none"),
@@ -153,22 +153,22 @@ def with_navigation(
 
 
 def as_list(name: str, given: object, kinds: tuple[Any, ...], wanted: str) -> list[Any]:
-    """A value of some kinds, or an iterable of them, as a list. Raises InputError: it is neither."""
+    """A list of one value of the `kinds`, or of an iterable of them. Raises InputError: `given` is neither."""
     if isinstance(given, kinds) and not isinstance(given, bool):
         return [given]
     listed: list[Any] = list(cast("Any", given)) if np.iterable(given) else []
-    if not np.iterable(given) or not all(isinstance(each, kinds) and not isinstance(each, bool) for each in listed):
+    if not np.iterable(given) or not all(isinstance(value, kinds) and not isinstance(value, bool) for value in listed):
         raise _refusal(name, given, wanted)
     return listed
 
 
 def as_paths(name: str, given: object) -> list[str]:
-    """A path or several. Raises InputError: they are none."""
+    """One path or several, as a list of strings. Raises InputError: other types."""
     return [os.fspath(path) for path in as_list(name, given, _PATHS, "a path, or a list of paths")]
 
 
 def as_covariances(covariances: object, count: int) -> NDArray[Any]:
-    """(count, 6, 6) float64 covariances of poses. Raises InputError: another shape, not finite, or of no errors."""
+    """(count, 6, 6) float64 covariances of poses. Raises InputError: wrong shape, not finite, or not a covariance."""
     matrices = as_numbers("covariances", covariances, (count, 6, 6))
     scale = np.abs(matrices).max(initial=0.0)
     if not np.allclose(matrices, matrices.transpose(0, 2, 1), rtol=0, atol=1e-9 * scale):
@@ -179,7 +179,7 @@ def as_covariances(covariances: object, count: int) -> NDArray[Any]:
 
 
 def as_numbers(name: str, given: object, shape: tuple[int, ...], finite: bool = True) -> NDArray[Any]:
-    """float64 of a shape. Raises InputError: it is none."""
+    """The given numbers as float64. Raises InputError: not numbers, of another shape, or not finite."""
     try:
         numbers: NDArray[Any] = np.asarray(given, np.float64)
     except (TypeError, ValueError) as error:
@@ -190,7 +190,7 @@ def as_numbers(name: str, given: object, shape: tuple[int, ...], finite: bool = 
 
 
 def as_survey(scans: Iterable[ScanLike] | str | os.PathLike[str]) -> Sequence[Scan]:
-    """Scans as `as_scans` takes them, or all of a folder, file or pattern. Raises InputError: as these and files do."""
+    """Scans as in `as_scans`, or all scans of a folder, file or pattern. Raises InputError: they cannot be used."""
     if not isinstance(scans, _PATHS):
         return as_scans(scans)
     from sonarmap.tools.files.readers.scans import read_scans
@@ -199,19 +199,19 @@ def as_survey(scans: Iterable[ScanLike] | str | os.PathLike[str]) -> Sequence[Sc
 
 
 def public(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """A function of `import sonarmap`: its arguments are those that `require` gives, its errors name them where they
-    would name options, and a path that the system refuses is an error that the caller can fix."""
-    called = signature(function)
+    """Decorate a function of `import sonarmap`: `require` checks its arguments, its errors name arguments instead of
+    options, and a path that the system refuses raises InputError."""
+    declared = signature(function)
 
     @wraps(function)
     def call(*arguments: _P.args, **named: _P.kwargs) -> _R:
-        given = called.bind(*arguments, **named)
+        given = declared.bind(*arguments, **named)
         try:
             for name in given.arguments.keys() & _ARGUMENTS.keys() - _CHECKED_WHERE_USED:
                 (given.arguments[name],) = require(**{name: given.arguments[name]})
             return function(*given.args, **given.kwargs)
         except InputError as error:
-            error.args = (as_arguments(str(error), called.parameters),)
+            error.args = (as_arguments(str(error), declared.parameters),)
             raise
         except OSError as error:
             if (refused := path_error(error)) is None:
@@ -222,14 +222,14 @@ def public(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def as_arguments(message: str, known: Container[str]) -> str:
-    """The message with every option of the command line as the argument of a function that has those known: `crs` for
-    --crs, --nav-crs; what it does not have is an argument of `read_scans`, or stays an option of the command."""
+    """The message with options of the command line replaced by the `known` arguments of a function, such as `crs` for
+    --crs and --nav-crs. Other options become arguments of `read_scans`, or stay options of the command."""
 
     def named(option: "re.Match[str]") -> str:
         if option[1] is None:
             return "`sonarmap optimize --repair`"
         name = option[1].replace("-", "_")
-        name = _CALLED.get(name, name)
+        name = _ARGUMENT_OF.get(name, name)
         if name in known:
             return f"`{name}`"
         return f"`{name}` of `read_scans`" if name in _ARGUMENTS else f"sonarmap's option {option[0]}"
@@ -238,8 +238,8 @@ def as_arguments(message: str, known: Container[str]) -> str:
 
 
 def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
-    """A scan, the points of one, or the only scan of a file. Raises InputError: it is none of these, or its points
-    cannot be used, with the same words as those of a file."""
+    """A `Scan` from points, from a file with one scan, or as given. Raises InputError: it is none of these, or its
+    points cannot be used; the message is the same as for a file."""
     if isinstance(scan, Scan):
         refuse_map_coordinates(scan.points, f"points of {scan.name or name}")
         return scan
@@ -251,10 +251,10 @@ def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
         usable, notes = scan_of_cloud(Cloud(_points(scan, name)), name, stamp)
     for note in notes:
         LOGGER.warning(f"{name}: {note}")
-    if (far := float(np.median(np.abs(usable.points).max(axis=1)))) > _FARTHEST:
+    if (far := float(np.median(np.abs(usable.points).max(axis=1)))) > _MAX_MEDIAN:
         raise InputError(
-            f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(usable.points)}; if that is meant, give "
-            "them as a `Scan`"
+            f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(usable.points)}; if they are right, "
+            "give them as a `Scan`"
         )
     return usable
 
@@ -263,13 +263,13 @@ def _points(given: Any, name: str) -> NDArray[Any]:
     """(N, 3) of (N, 3 or more) points, also of a point cloud of Open3D."""
     refuse_mask(given, name)
     try:
-        if hasattr(given, "point"):  # with tensors
+        if hasattr(given, "point"):  # of Open3D's tensor API
             given = given.point.positions.cpu().numpy()
         points: NDArray[Any] = np.asarray(given.points if hasattr(given, "points") else given)
     except Exception as error:  # lists of several lengths, or whatever an object's own `__array__` raises
         raise InputError(f"{name} is not an array ({error}); wanted points of shape (N, 3) in meters") from error
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
         raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
-    if len(points) == 3 and points.shape[1] > _COLUMNS:
+    if len(points) == 3 and points.shape[1] > _MAX_COLUMNS:
         raise InputError(f"{name} has shape {points.shape}; is it transposed? Wanted (N, 3): give `points.T`")
     return points[:, :3]

@@ -1,4 +1,4 @@
-"""What `import sonarmap` offers of finished maps: to write them, open them, export them, and to fuse scans again.
+"""Functions of `import sonarmap` for finished maps: write, export and open them, and fuse scans again.
 
 In: results, scans, folders. Out: the same files as the command line's, and the map as an object.
 """
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.time_scales import TimeScale
     from sonarmap.tools.products.export.run import Exported
 
-_ORTHONORMAL = 1e-3  # by how much a rotation's rows may not be, as of numbers that were rounded
+_ORTHONORMAL = 1e-3  # tolerance of a rotation's elements, which may be rounded
 
 
 @public
@@ -57,15 +57,15 @@ def write_map(
 ) -> Map:
     """Write a map as `sonarmap map` does: map.ply, trajectory.tum, graph.g2o, summary.json, pictures, report.html, ...
 
-    All files appear together, or none; those of an earlier map in the folder are replaced. Every verb of finished maps
-    takes the folder.
+    All files appear together, or none; those of an earlier map in the folder are replaced. All commands for finished
+    maps accept the folder.
 
     Args:
-        result: of `map_scans`.
-        folder: it is made where it is missing.
-        inputs: the files, folders or patterns that the scans were read from, uncorrected. Exports of every scan's
-            points and the report's title need them.
-        georeference: where the map lies on the Earth; None where it is not known.
+        result: the result of `map_scans`.
+        folder: the map's folder; it is created if it is missing.
+        inputs: the files, folders or patterns that the scans were read from, without corrections. Exports of all
+            scans' points and the report's title need them.
+        georeference: where the map lies on the Earth; None if that is unknown.
         report: whether to write report.html too.
 
     Returns:
@@ -99,17 +99,17 @@ def write_map(
 
 @public
 def write_report(folder: Map | str | os.PathLike[str]) -> Path:
-    """Write report.html of a finished map into its folder, as `sonarmap view --rebuild` does: the map in 3D, its loops
-    and its uncertainty.
+    """Write report.html into a finished map's folder, as `sonarmap view --rebuild` does: the map in 3D, its loops and
+    its uncertainty.
 
     Args:
-        folder: of the map, or the map.
+        folder: the map's folder, or the map.
 
     Returns:
-        The page's path.
+        The report's path.
 
     Raises:
-        InputError: the map's files are missing or damaged, or the page cannot be written.
+        InputError: the map's files are missing or damaged, or the report cannot be written.
     """
     from sonarmap.tools.products.report.page import write_report as write_page
 
@@ -137,19 +137,19 @@ def export_map(
 
     Args:
         folder: the map, or its folder.
-        to: folder for the files; it is made where it is missing.
-        formats: their names, as "laz", or ["laz", "geotiff", "kmz"]: see docs/export.md.
-        origin: where the map lies on the Earth; None for what the map itself says.
-        crs: projected coordinates, as "EPSG:25832"; "map" for points in the map's frame; None for the UTM zone.
+        to: folder for the files; it is created if it is missing.
+        formats: names of formats, such as "laz" or ["laz", "geotiff", "kmz"]: see docs/export.md.
+        origin: where the map lies on the Earth; None for the map's own georeference.
+        crs: projected CRS, such as "EPSG:25832"; "map" for points in the map's frame; None for the UTM zone.
         cell: edge of a grid's cell [m]; None for two voxels, rounded up to 1, 2 or 5 times a power of ten.
-        height: of a cell: "top", "mean" or "shoalest".
-        points: "map", or "all" for every point of every scan, which are read again.
+        height: height of a grid's cell: "top", "mean" or "shoalest".
+        points: "map" for the map's points, or "all" for every point of every scan, which is read again.
         scans: the numbers of the scans whose points are written; None for all.
-        scans_from: where the scans are now; empty for where they were read.
+        scans_from: where the scans' files are now; empty if they have not moved.
         progress: called with (files written, files in all, the next one's name).
 
     Raises:
-        InputError: an argument cannot be used, the map does not say what a format needs, or a file cannot be written.
+        InputError: an argument cannot be used, the map lacks what a format needs, or a file cannot be written.
     """
     from sonarmap.tools.products.export.formats import HEIGHTS, known_formats
     from sonarmap.tools.products.export.run import ExportSettings
@@ -191,29 +191,29 @@ def read_navigation(
     declination: float | None = None,
     nmea_talker: str | None = None,
 ) -> "Navigated":
-    """Scans with what instruments measured of their poses, as `sonarmap map --priors` reads it (docs/navigation.md).
+    """Add priors to scans: poses that instruments measured, read as in `sonarmap map --priors` (docs/navigation.md).
 
     Args:
-        logs: a CSV, TUM or NMEA 0183 log, or several, which measured something else or other scans.
-        scans: as `map_scans` takes them; rows belong to them by name, stamp or time.
-        origin: of the map's frame; None for the first fix, if the file has any on the Earth.
-        sigmas: standard deviations where the file has none: roll, pitch, heading [rad], East, North, Up [m].
-        columns: {quantity: heading of its column}, as {"depth_m": "KP_DEPTH"}, where the headings do not say it.
-        time_scale: of times that name no zone: "utc", "gps" or "tai"; None for UTC.
-        offset: to be added to its times [s].
-        crs: of its eastings and northings, as "EPSG:32632".
-        frame: of its pitch, yaw, x, y, z: "frd", "ned", "flu" or "enu"; None for headings, pitch nose up and depths.
-        T_vehicle_sensor: of the sonar on the vehicle that was navigated [m, x forward, y left, z up]; None where the
-            navigation is the sonar's.
-        heading_reference: North of its headings: "true" or "grid".
-        declination: to be added to magnetic headings [rad], East positive; None where they are not.
-        nmea_talker: of NMEA sentences, those that count, as "GP,HE"; None for all, which have to agree.
+        logs: a CSV, TUM or NMEA 0183 log, or several, each for other quantities or other scans.
+        scans: as in `map_scans`; rows are matched to them by name, stamp or time.
+        origin: origin of the map's frame; None for the first fix, if the file has any on the Earth.
+        sigmas: standard deviations for files without any: roll, pitch, heading [rad], East, North, Up [m].
+        columns: {quantity: heading of its column}, such as {"depth_m": "KP_DEPTH"}, for headings that are not standard.
+        time_scale: scale of times without a zone: "utc", "gps" or "tai"; None for UTC.
+        offset: added to the log's times [s].
+        crs: CRS of the log's eastings and northings, such as "EPSG:32632".
+        frame: frame of pitch, yaw, x, y, z: "frd", "ned", "flu" or "enu"; None for headings, pitch nose up and depths.
+        T_vehicle_sensor: pose of the sonar on the navigated vehicle [m, x forward, y left, z up]; None if the log has
+            the sonar's own pose.
+        heading_reference: North of the headings: "true" or "grid".
+        declination: added to magnetic headings [rad], East positive; None if the headings are not magnetic.
+        nmea_talker: talkers of the NMEA sentences to use, such as "GP,HE"; None for all, which have to agree.
 
     Returns:
-        The scans, and where their world lies on the Earth, which `write_map` takes.
+        The scans with priors, and the georeference of their world frame, for `write_map`.
 
     Raises:
-        InputError: naming the file and the line, or an argument that cannot be used.
+        InputError: a log cannot be read (the message names file and line), or an argument cannot be used.
     """
     from types import MappingProxyType
 
@@ -255,17 +255,17 @@ def fuse(
     covariances: np.ndarray | None = None,
     surveys: Sequence[int] | None = None,
 ) -> "PointMap":
-    """One map of scans at known poses, as `map_scans` makes it: fused, and without what free space contradicts.
+    """Fuse scans at known poses into one map, without the points that free space contradicts, as `map_scans` does.
 
     Args:
-        scans: N, as `map_scans` takes them.
-        poses: N of them, p_world = T_world_sensor p_sensor [m], perhaps those of a result, changed; or as (N, 4, 4).
+        scans: N scans, as in `map_scans`.
+        poses: N poses, p_world = T_world_sensor p_sensor [m]; an array of them has shape (N, 4, 4).
         voxel: edge of the map's voxels [m].
-        covariances: (N, 6, 6) of the poses, rotation first [rad, m], body tangent; None where they are certain.
-        surveys: the number of each scan's survey, ascending; all are of one by default.
+        covariances: (N, 6, 6) of the poses, rotation first [rad, m], body tangent; None if the poses are exact.
+        surveys: the survey number of each scan, ascending; None for one survey.
 
     Raises:
-        InputError: another number of poses than of scans, or an argument that cannot be used.
+        InputError: the numbers of poses and scans differ, or an argument cannot be used.
     """
     from sonarmap.slam.map.component_maps import clean_map
     from sonarmap.slam.map.placed import PlacedScans
@@ -276,7 +276,7 @@ def fuse(
     T_world_sensor = T_world_sensor.T_world_sensor if isinstance(T_world_sensor, Trajectory) else T_world_sensor
     if T_world_sensor.single or len(T_world_sensor) != len(listed):
         count = "one" if T_world_sensor.single else len(T_world_sensor)
-        raise InputError(f"`poses` are {count}, and there are {len(listed)} scans; wanted a stack of one for each")
+        raise InputError(f"`poses` has {count} for {len(listed)} scans; wanted a stack with a pose for each scan")
     if voxel is None or not voxel > 0:
         raise InputError(f"`voxel={voxel}` cannot be used; wanted a length in meters above zero, such as 0.5")
     if covariances is not None:
@@ -291,13 +291,13 @@ def _rigid(matrices: "NDArray[Any]") -> RigidTransform:
         T = RigidTransform.from_matrix(matrices)
     except ValueError as error:
         raise InputError(f"`poses` of shape {matrices.shape} are no poses ({error}); wanted (N, 4, 4)") from error
-    if not np.allclose(T.as_matrix(), matrices, rtol=0, atol=_ORTHONORMAL):  # it takes the nearest rotation
+    if not np.allclose(T.as_matrix(), matrices, rtol=0, atol=_ORTHONORMAL):  # from_matrix corrects rotations
         raise InputError("`poses` have parts [:3, :3] that are no rotations: their rows are not orthonormal")
     return T
 
 
 def opened_map(folder: Map | str | os.PathLike[str]) -> Map:
-    """The finished map, or that of a folder. Raises InputError: the folder is none that `sonarmap map` wrote."""
+    """The map itself, or the map in a folder. Raises InputError: `sonarmap map` did not write the folder."""
     if isinstance(folder, Map):
         return folder
     require_type("folder", [folder], Map, str, os.PathLike)

@@ -89,11 +89,11 @@ def test_scans_are_fused_again(result: sonarmap.SurveyResult, scans: Path) -> No
     moved = sonarmap.fuse(sonarmap.read_scans(scans), T.as_matrix(), VOXEL, surveys=[0] * COUNT)
     assert moved.points[:, 2].mean() == pytest.approx(again.points[:, 2].mean() + 7.0, abs=0.02)
     for given, words in (
-        ((scans, TRUTH[0], VOXEL), "`poses` are one, and there are 6 scans"),
-        ((scans, TRUTH[:4], VOXEL), "`poses` are 4, and there are 6 scans"),
+        ((scans, TRUTH[0], VOXEL), "`poses` has one for 6 scans"),
+        ((scans, TRUTH[:4], VOXEL), "`poses` has 4 for 6 scans"),
         ((scans, TRUTH, 0.0), "`voxel=0.0` cannot be used"),
         ((scans, TRUTH, None), "`voxel=None` cannot be used"),
-        ((scans, TRUTH.as_matrix()[:4], VOXEL), "`poses` are 4, and there are 6 scans"),
+        ((scans, TRUTH.as_matrix()[:4], VOXEL), "`poses` has 4 for 6 scans"),
         ((scans, np.zeros((6, 3)), VOXEL), r"`poses` of shape \(6, 3\) are no poses"),
         ((scans, TRUTH.as_matrix() * 2 - np.eye(4), VOXEL), "are no rotations"),
         ((scans, [TRUTH], VOXEL), "wanted Trajectory or RigidTransform or ndarray"),
