@@ -1,4 +1,4 @@
-"""Where packets come in: a socket, and its datagrams to memory by a thread that waits for nothing else."""
+"""Reception of packets: a socket, and a thread that does nothing but move its datagrams to memory."""
 
 import errno
 import queue
@@ -15,16 +15,16 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import shown
 from sonarmap.tools.files.readers.sonar.packets import MAGICS, fault_of
 
-MOST_WAITING = 2048  # datagrams in memory, 134 MB at most; half a minute and more of what the sonar sends
-_LARGEST = 1 << 16  # bytes; more than UDP allows
-_PAUSE = 0.1  # seconds after which an end that was asked for is noticed, at the latest
-_GONE = 10.0  # seconds without a packet, after which a sonar at another address is taken for the same, restarted
-_NAMED = 8  # addresses of other sonars
+MOST_WAITING = 2048  # datagrams in memory, 134 MB at most; half a minute or more of a sonar's packets
+_LARGEST = 1 << 16  # bytes of a datagram; UDP allows fewer
+_PAUSE = 0.1  # longest delay until a requested end is noticed [s]
+_GONE = 10.0  # silence after which a sonar at another address is taken for the recorded one, restarted [s]
+_NAMED = 8  # addresses of other sonars that are listed
 
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """What came: its bytes, the address of who sent it, and when, by this computer's clock [s, UTC]."""
+    """A received datagram: its bytes, its sender's address, and its arrival by this computer's clock [s, UTC]."""
 
     content: bytes
     sender: str
@@ -32,10 +32,10 @@ class Datagram:
 
 
 class Receiver:
-    """Receives from when it is entered until it is left, and then gives what still waits in the system's buffer."""
+    """Receives datagrams while it is open as a context; then `rest` also returns those in the system's buffer."""
 
     def __init__(self, listening: socket.socket) -> None:
-        self.unsaved = self.overflow = 0  # datagrams left out as too many waited, or as the system's buffer was full
+        self.unsaved = self.overflow = 0  # datagrams lost as too many waited, or as the system's buffer was full
         self._socket = listening
         self._waiting: queue.Queue[Datagram] = queue.Queue(MOST_WAITING)
         self._ends = threading.Event()
@@ -50,7 +50,7 @@ class Receiver:
         self.end()
 
     def next(self, timeout: float) -> Datagram | None:
-        """The next datagram, or None where none came for so long [s]."""
+        """The next datagram, or None if none came within `timeout` [s]."""
         try:
             return self._waiting.get(timeout=timeout)
         except queue.Empty:
@@ -59,12 +59,12 @@ class Receiver:
             return None
 
     def end(self) -> None:
-        """Receive nothing that comes from now on."""
+        """Stop receiving."""
         self._ends.set()
         self._thread.join()
 
     def rest(self) -> Iterator[Datagram]:
-        """What has come and was not given yet, after the end."""
+        """After the end, the datagrams that `next` has not returned."""
         while not self._waiting.empty():
             yield self._waiting.get_nowait()
 
@@ -74,14 +74,14 @@ class Receiver:
             while not self._ends.is_set():
                 self._receive()
             self._socket.setblocking(False)
-            for _ in range(MOST_WAITING):  # of a stream that does not end there is a last one too
+            for _ in range(MOST_WAITING):  # at most, as the stream may not end
                 if not self._receive():
                     break
-        except Exception as error:  # noqa: BLE001 - it is for who asks for datagrams
+        except Exception as error:  # noqa: BLE001 - `next` raises it
             self._error = error
 
     def _receive(self) -> bool:
-        """Whether a datagram was there."""
+        """Receive one datagram; whether there was one."""
         try:
             content, ancillary, _, (sender, _) = self._socket.recvmsg(_LARGEST, socket.CMSG_SPACE(4))
         except (TimeoutError, BlockingIOError):
@@ -96,22 +96,22 @@ class Receiver:
 
 @dataclass(slots=True)
 class Senders:
-    """Takes packets of the first sonar that sends, or of the one that was asked for."""
+    """Selects the packets of one sonar: that of the wanted address, or the first that sends."""
 
-    wanted: str | None = None  # address of the sonar that was asked for, or None
+    wanted: str | None = None  # address of the sonar to record; None for the first that sends
     sonar: str | None = None  # address of the sonar that is recorded; None until it is known
-    moves: int = 0  # how often another address took its place
+    moves: int = 0  # number of times that another address took its place
     damaged: int = 0  # packets of the sonar with a wrong length or checksum
-    first_damage: str = ""  # what is wrong with the first of them, in words
-    foreign: int = 0  # datagrams that are no packets of a sonar
-    first_foreign: str = ""  # who sent the first of them and how it begins, in words
-    others: int = 0  # whole packets of other sonars, which were left out
-    addresses: list[str] = field(default_factory=list)  # of these sonars, as far as there are few
+    first_damage: str = ""  # fault of the first of them, in words
+    foreign: int = 0  # datagrams that are not packets of a sonar
+    first_foreign: str = ""  # sender and beginning of the first of them, in words
+    others: int = 0  # whole packets of other sonars, which are not recorded
+    addresses: list[str] = field(default_factory=list)  # of these sonars, the first `_NAMED`
     _latest: float = 0.0
 
     def is_wanted(self, datagram: Datagram, now: float) -> bool:
-        """Whether it is a whole packet of the sonar that is recorded; counted if not. `now` is of a clock that is never
-        set [s]."""
+        """Whether a datagram is a whole packet of the recorded sonar; counts it if not. `now` is the time of a
+        monotonic clock [s]."""
         content, sender = datagram.content, datagram.sender
         is_packet = content[:4] in MAGICS
         if not is_packet and sender != self.sonar:
@@ -152,36 +152,36 @@ _OVERFLOW = 40  # SO_RXQ_OVFL of Linux: how many datagrams did not fit the buffe
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where packets are awaited."""
+    """Where packets are received."""
 
-    address: IPv4Address  # a multicast group, or an address of this computer; 0.0.0.0 for all that it has
+    address: IPv4Address  # a multicast group, or an address of this computer; 0.0.0.0 for all of them
     port: int  # of UDP
-    # a name or an address of this computer where the group is joined; None for all interfaces
+    # name or address of the interface that joins the group; None for all interfaces
     interface: str | None = None
 
     @property
     def words(self) -> str:
-        """As in "224.0.0.96:4747 on eth0"."""
+        """For example "224.0.0.96:4747 on eth0"."""
         place = f"{self.address}:{self.port}"
         return f"{place} on {self.interface or 'every interface'}" if self.address.is_multicast else place
 
 
 def source_of(multicast: str | None, unicast: str | None, interface: str | None) -> Source:
-    """The source that options ask for; the sonar's default group if they are None. GROUP:PORT of a group that is joined
-    at the interface, or ADDRESS:PORT of this computer."""
+    """The source that the options give: a multicast GROUP:PORT at an interface, or a unicast ADDRESS:PORT of this
+    computer; by default the sonar's default group."""
     if unicast is None:
         return Source(*_endpoint(GROUP if multicast is None else multicast, "--multicast", GROUP), interface)
     if multicast is not None or interface is not None:
         other = "--multicast" if multicast is not None else "--interface"
         raise InputError(
-            f"{other} has no effect with --unicast, which says itself at which address of this computer to listen; "
-            "leave one of them out"
+            f"{other} has no effect with --unicast, which gives the address of this computer to listen at; leave one "
+            "of them out"
         )
     return Source(*_endpoint(unicast, "--unicast", "192.168.194.90:4747"))
 
 
 def _endpoint(text: str, option: str, example: str) -> tuple[IPv4Address, int]:
-    """ADDRESS:PORT, checked; a name is not looked up."""
+    """Address and port in ADDRESS:PORT; host names are not resolved."""
     wants_group = option == "--multicast"
     place, _, number = text.rpartition(":")
     try:
@@ -203,7 +203,7 @@ def _endpoint(text: str, option: str, example: str) -> tuple[IPv4Address, int]:
 
 
 def open_socket(source: Source) -> socket.socket:
-    """A socket that listens there, with as large a receive buffer as the system grants. It sends nothing."""
+    """A socket that listens at the source, with the largest receive buffer that the system grants; it sends nothing."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM, socket.IPPROTO_UDP)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WANTED_BUFFER)
@@ -211,7 +211,7 @@ def open_socket(source: Source) -> socket.socket:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # the sonar's viewer may listen too
         if sys.platform == "linux":
             listening.setsockopt(socket.SOL_SOCKET, _OVERFLOW, 1)
-            listening.setsockopt(socket.IPPROTO_IP, _MULTICAST_ALL, 0)  # nothing from where others joined the group
+            listening.setsockopt(socket.IPPROTO_IP, _MULTICAST_ALL, 0)  # only from interfaces that it joins itself
         listening.bind((str(source.address), source.port))
         if source.address.is_multicast and not join(listening, source):
             raise OSError(errno.ENODEV, "no such interface, or multicast is not possible there")
@@ -235,13 +235,13 @@ def _advice(source: Source, error: OSError) -> str:
 
 
 def join(listening: socket.socket, source: Source) -> bool:
-    """Join the source's group where it is not joined yet; whether it is joined anywhere then. Called again it
-    joins on interfaces that came, or came back, since."""
+    """Join the source's group on its interfaces; whether it is joined on any. Call it again to join on interfaces that
+    came up since."""
     return sum(_is_joined_at(listening, source.address, place) for place in _places(source.interface)) > 0
 
 
 def _places(interface: str | None) -> list[bytes]:
-    """Address and index of interfaces, as the system's `ip_mreqn` ends."""
+    """Address and index of each interface, packed as at the end of the system's `ip_mreqn`."""
     try:
         if interface is not None:
             return [IPv4Address(interface).packed + struct.pack("@i", 0)]
@@ -259,12 +259,12 @@ def _is_joined_at(listening: socket.socket, group: IPv4Address, place: bytes) ->
 
 
 def system_buffer(listening: socket.socket) -> int:
-    """Size of the socket's receive buffer [bytes]; Linux counts its own bookkeeping in."""
+    """Size of the socket's receive buffer [bytes]; Linux includes its own overhead."""
     return listening.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
 
 def overflow_of(ancillary: list[tuple[int, int, bytes]]) -> int | None:
-    """How many datagrams the socket has lost as its buffer was full, if a received one says so."""
+    """Number of datagrams that the socket has lost as its buffer was full; None if the message does not state it."""
     for level, kind, content in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, _OVERFLOW):
             return struct.unpack("=I", content)[0]

@@ -1,5 +1,5 @@
-"""Recording from the first packet to the last: receive, keep what is the sonar's, write it, count what came of it by
-kind and number, and say how it goes."""
+"""Recording of a sonar's packets: receive them, write them to a file, count them by kind and number, and report the
+status."""
 
 import os
 import shutil
@@ -26,30 +26,29 @@ from sonarmap.tools.files.readers.sonar.messages import (
     stamp_of,
 )
 
-_TICK = 1.0  # seconds between reports
-_WAIT = 0.2  # seconds after which an end that was asked for is noticed, at the latest
-_OVER = 5  # ticks, over which rates are taken, and after which the disk is made to hold what was written
-_LEAST_DISK = 16 << 20  # bytes; about a quarter of a minute
+_TICK = 1.0  # interval of reports [s]
+_WAIT = 0.2  # longest delay until a requested end is noticed [s]
+_OVER = 5  # ticks over which rates are averaged, and after which the file is flushed to the disk
+_LEAST_DISK = 16 << 20  # free bytes needed to begin, about 15 s of packets
 ENDING = ".sonar"
 
 
 RANGES, STRENGTHS, SHADED, IMU = "range_images", "strength_images", "shaded_images", "imu_batches"
-_REMEMBERED = 1024  # packets of a kind, among which doubled ones are recognized
-_WINDOW = 10.0  # seconds in which the packet that took the shortest time tells the clock
+_REMEMBERED = 1024  # latest packets of a kind, among which duplicates are recognized
+_WINDOW = 10.0  # period of which the packet with the shortest delay gives the clock's offset [s]
 
 
 @dataclass(slots=True)
 class Numbered:
-    """Packets of one kind."""
+    """Counts of the packets of one kind."""
 
-    came: int = 0  # each once
-    doubled: int = 0  # those that came again
-    # count what is missing between the first and the last, and what came late
-    numbers: ShotNumbers = field(default_factory=ShotNumbers)
+    came: int = 0  # without duplicates
+    doubled: int = 0  # duplicates
+    numbers: ShotNumbers = field(default_factory=ShotNumbers)  # counts missing and late packets
     _seen: Remembered = field(default_factory=lambda: Remembered(_REMEMBERED))
 
     def add(self, number: int, stamp: float | None, content: bytes) -> None:
-        """A packet has come, with its number and its time [s, UTC]."""
+        """Count a packet by its number and its time [s, UTC]."""
         key = (number, zlib.crc32(content) if stamp is None else stamp)
         if not self._seen.is_new(key):
             self.doubled += 1
@@ -60,18 +59,18 @@ class Numbered:
 
 @dataclass(slots=True)
 class ClockOffset:
-    """By how much the sonar's clock is ahead of this computer's [s]. A stamp is of the shot, and the packet arrives
-    later: of ten seconds the packet that took the least time counts."""
+    """Offset of the sonar's clock, positive if it is ahead of this computer's [s]. Packets arrive later than their
+    shots: in each ten seconds, the packet with the shortest delay gives the offset."""
 
-    first: float | None = None  # in the first ten seconds; None until a stamp has come
+    first: float | None = None  # in the first ten seconds; None before the first stamp
     latest: float | None = None  # in the latest ten whole seconds
     _best: float | None = None
     _since: float = 0.0
     _windows: int = 0
 
     def add(self, stamp: float, arrival: float) -> None:
-        """A shot was taken at `stamp` by the sonar's clock, and came at `arrival` by this computer's."""
-        if self._best is None or abs(arrival - self._since) >= _WINDOW:  # this computer's clock may be set, too
+        """Add a shot's `stamp` by the sonar's clock, and its `arrival` by this computer's."""
+        if self._best is None or abs(arrival - self._since) >= _WINDOW:  # abs, as this computer's clock may be set back
             self._windows += 1
             self._best, self._since, previous = stamp - arrival, arrival, self._best
             self.latest = self._best if previous is None else previous
@@ -82,19 +81,19 @@ class ClockOffset:
 
 @dataclass(slots=True)
 class Tally:
-    """The sonar's packets."""
+    """Counts of the sonar's packets."""
 
     packets: int = 0  # all that were recorded
-    # those with numbers, by kind
+    # of packets with numbers, by kind
     kinds: dict[str, Numbered] = field(
         default_factory=lambda: {kind: Numbered() for kind in (RANGES, STRENGTHS, SHADED, IMU)}
     )
     undocumented: int = 0  # of kinds that the protocol does not document
-    unreadable: int = 0  # with a right checksum, and content that is no message
+    unreadable: int = 0  # with a right checksum, but not a valid message
     clock: ClockOffset = field(default_factory=ClockOffset)  # of the sonar
 
     def add(self, packet: bytes, arrival: float) -> None:
-        """A whole packet has come, at a time by this computer's clock [s, UTC]."""
+        """Count a whole packet that arrived at a time by this computer's clock [s, UTC]."""
         self.packets += 1
         try:
             self._count(packet, arrival)
@@ -118,17 +117,17 @@ class Tally:
 
     @property
     def shots(self) -> int:
-        """Range images, each once."""
+        """Number of range images, without duplicates."""
         return self.kinds[RANGES].came
 
     @property
     def missing(self) -> int:
-        """Packets of all kinds that did not come, by the numbers of those that did."""
+        """Number of missing packets of all kinds, by the numbers of the others."""
         return sum(kind.numbers.missing for kind in self.kinds.values())
 
     @property
     def missing_share(self) -> float:
-        """Of all packets that have a number."""
+        """Share of missing packets among those with a number, 0..1."""
         came = sum(kind.came for kind in self.kinds.values())
         return self.missing / max(came + self.missing, 1)
 
@@ -140,10 +139,10 @@ def _kind_of(image: Message) -> str:
 
 
 class PartFile:
-    """NAME.part.sonar beside NAME.sonar. What an earlier recording left under such a name stays: this takes another."""
+    """NAME.part.sonar, which `finish` renames to NAME.sonar; NAME.part2.sonar if an earlier recording left that."""
 
     def __init__(self, out: Path, overwrite: bool) -> None:
-        """Make an empty file, which will be called `out`; in place of a file of that name only to `overwrite` it."""
+        """Create an empty part file. Raises InputError: `out` cannot be written, or exists (unless `overwrite`)."""
         self.out, self.size, self._overwrite = out, 0, overwrite
         if out.suffix != ENDING:
             raise InputError(f"{out} does not end in {ENDING}, by which recordings are recognized; try {out}{ENDING}")
@@ -153,7 +152,7 @@ class PartFile:
             self.path = out.with_name(f"{out.stem}.part{number if number > 1 else ''}{ENDING}")
             try:
                 out.parent.mkdir(parents=True, exist_ok=True)
-                self._file = self.path.open("xb", buffering=0)  # a packet is in the system's hands once it is written
+                self._file = self.path.open("xb", buffering=0)  # a written packet survives the program
                 return
             except FileExistsError:
                 number += 1
@@ -163,11 +162,11 @@ class PartFile:
                 ) from error
 
     def write(self, packet: bytes) -> None:
-        """Append a packet, all of it or nothing."""
-        left = memoryview(packet)
+        """Append a whole packet, or nothing."""
+        rest = memoryview(packet)
         try:
-            while left:
-                left = left[self._file.write(left) :]
+            while rest:
+                rest = rest[self._file.write(rest) :]
         except OSError as error:
             with suppress(OSError):
                 self._file.truncate(self.size)
@@ -178,12 +177,12 @@ class PartFile:
         self.size += len(packet)
 
     def sync(self) -> None:
-        """Have the disk hold what was written, for a crash of the computer."""
-        with suppress(OSError):  # where the disk is full, writing says so
+        """Flush the file to the disk, in case the computer crashes."""
+        with suppress(OSError):  # if the disk is full, `write` raises
             os.fsync(self._file.fileno())
 
     def finish(self) -> None:
-        """Give it its name."""
+        """Rename the part file to `out`."""
         try:
             os.fsync(self._file.fileno())
             self._file.close()
@@ -191,14 +190,14 @@ class PartFile:
             self.path.replace(self.out)
         except OSError as error:
             raise InputError(
-                f"cannot write {self.out}: {error.strerror}. The recording is in {self.path}; what was there before is "
-                "as it was."
+                f"cannot write {self.out}: {error.strerror}. The recording is in {self.path}; an earlier file is "
+                "unchanged."
             ) from error
         except InputError as error:
             raise InputError(f"{error}. The recording is in {self.path}.") from error
 
     def close(self) -> None:
-        """End without giving it its name; removed if nothing came."""
+        """Close the file without renaming it, and delete it if it is empty."""
         with suppress(OSError):
             self._file.close()
             if self.size == 0:
@@ -213,48 +212,47 @@ class PartFile:
 
 @dataclass(frozen=True, slots=True)
 class RecordSettings:
-    """What to record."""
+    """Settings of a recording."""
 
-    source: Source  # where packets come in
+    source: Source  # where packets are received
     out: Path  # the file, NAME.sonar
-    duration: float | None = None  # after which the recording ends [s]; None for no end but the one that is asked for
-    sonar: str | None = None  # address of the sonar whose packets are wanted; None for the first one that sends
-    overwrite: bool = False  # whether `out` may take the place of a file
+    duration: float | None = None  # after which the recording ends [s]; None to record until it is stopped
+    sonar: str | None = None  # address of the sonar to record; None for the first that sends
+    overwrite: bool = False  # whether `out` may replace a file
 
 
 @dataclass(slots=True)
 class Status:
-    """How a recording goes."""
+    """Status of a recording."""
 
-    settings: RecordSettings  # of the recording
-    path: Path  # of the file that is written now
-    buffer: int  # how much the system's receive buffer holds [bytes]
-    # tally, senders: what has come, and from whom
-    tally: Tally = field(default_factory=Tally)
-    senders: Senders = field(default_factory=Senders)
+    settings: RecordSettings
+    path: Path  # of the file: the part file until the end
+    buffer: int  # size of the system's receive buffer [bytes]
+    tally: Tally = field(default_factory=Tally)  # counts of the sonar's packets
+    senders: Senders = field(default_factory=Senders)  # the sonar, and counts of all other datagrams
     seconds: float = 0.0  # since the start
     silence: float = 0.0  # seconds since the last packet of the sonar, or since the start
     longest_silence: float = 0.0  # between two packets [s]
     size: int = 0  # bytes written
-    # shot_rate, packet_rate, byte_rate: per second, over the latest five
+    # rates over the latest five ticks [1/s]
     shot_rate: float = 0.0
     packet_rate: float = 0.0
     byte_rate: float = 0.0
-    disk: int = 0  # bytes that the disk can still take
-    unsaved: int = 0  # datagrams that came and were lost here, as the disk was too slow
+    disk: int = 0  # free bytes of the disk
+    unsaved: int = 0  # received datagrams that were lost, as the disk was too slow
     overflow: int = 0  # datagrams that the system lost, as this computer was too slow
-    ticks: int = 0  # how often it was shown before
+    ticks: int = 0  # number of earlier reports
 
     @property
     def disk_lasts(self) -> float | None:
-        """Seconds until the disk is full at the present rate; None while nothing comes."""
+        """Time until the disk is full at the present rate [s]; None while nothing comes."""
         return self.disk / self.byte_rate if self.byte_rate > 0 else None
 
 
 def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Event) -> Status:
-    """Record until the duration is over or `stop` is set, and give the file its name; without packets there is none.
+    """Record until the duration is over or `stop` is set, then rename the file; without packets no file remains.
 
-    `follow` is called each second, before the first packet too, and at the end. Memory does not grow with the
+    `follow` is called each second, also before the first packet, and at the end. Memory does not grow with the
     recording: at most `receiver.MOST_WAITING` datagrams wait for the disk."""
     with open_socket(settings.source) as listening:
         part = PartFile(settings.out, settings.overwrite)
@@ -283,16 +281,16 @@ class _Recording:
     def __init__(self, status: Status, part: PartFile, follow: Callable[[Status], None]) -> None:
         self._status, self._part, self._follow = status, part, follow
         self._start = self._latest = time.monotonic()
-        self._ticks = deque[tuple[float, int, int, int]](maxlen=_OVER + 1)  # with shots, packets, bytes until then
+        self._ticks = deque[tuple[float, int, int, int]](maxlen=_OVER + 1)  # time, shots, packets, bytes
 
     def run(self, receiver: Receiver, stop: Event, rejoin: Callable[[], object]) -> None:
-        """Until the end; `rejoin` is called while nothing comes, as an interface may have gone and come back."""
+        """Record until the end; `rejoin` is called while nothing comes, as an interface may have gone and come back."""
         end = self._start + (self._status.settings.duration or float("inf"))
         due = self._start
         while not stop.is_set() and (now := time.monotonic()) < end:
             if now >= due:
                 self._tick(receiver, now)
-                due += _TICK * (1 + (now - due) // _TICK)  # a tick that is missed is not made up for
+                due += _TICK * (1 + (now - due) // _TICK)  # missed ticks are skipped
                 if self._status.silence > _OVER:
                     with suppress(OSError):
                         rejoin()
@@ -320,14 +318,14 @@ class _Recording:
         with suppress(OSError):
             status.disk = shutil.disk_usage(self._part.path.parent).free
         if not status.tally.packets:
-            self._ticks.clear()  # rates are those since the first packet
+            self._ticks.clear()  # rates begin with the first packet
         totals = status.tally.shots, status.tally.packets, status.size
         self._ticks.append((now, *totals))
         then, *before = self._ticks[0]
         if now > then:
             rates = ((total - past) / (now - then) for total, past in zip(totals, before, strict=True))
             status.shot_rate, status.packet_rate, status.byte_rate = rates
-        with suppress(Exception):  # what is shown ends no recording
+        with suppress(Exception):  # an error in the display does not end the recording
             self._follow(status)
         status.ticks += 1
         if status.ticks % _OVER == 0:

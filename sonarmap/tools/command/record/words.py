@@ -1,7 +1,5 @@
-"""A recording in words: what is shown and warned of while it goes on, what is said at its end, and the same as JSON.
-
-Someone who records is warned, once each, of silence, a full disk, a wrong clock, other senders, and losses.
-"""
+"""Messages of a recording: status lines, warnings (silence, a full disk, a wrong clock, other senders, losses), the
+summary at its end, and the same as JSON."""
 
 from collections.abc import Iterator
 from datetime import timedelta
@@ -17,16 +15,17 @@ _PLAIN = {
     SHADED: ("shaded image", "shaded images"),
     IMU: ("IMU batch", "IMU batches"),
 }
-_DRIFTED = 0.05  # [s], by which a clock's offset changes
-_SILENT = 5.0  # seconds
-_DISK_SHORT, _DISK_ENDS = 600.0, 60.0  # seconds that the disk lasts
-_CLOCK_OFF = 1.0  # [s]; a second is a meter of a vehicle's way
-_SMALL_BUFFER = 2 << 20  # bytes; Linux counts a datagram double, and the sonar sends up to 10 Mbit/s
-_SETTLED = 3.0  # seconds after which rates and the clock are known
+_DRIFTED = 0.05  # change of a clock's offset that is reported [s]
+_SILENT = 5.0  # silence that is reported [s]
+_DISK_SHORT = 600.0  # time until the disk is full that is reported [s]
+_DISK_ENDS = 60.0  # time until the disk is full that is urgent [s]
+_CLOCK_OFF = 1.0  # offset of a clock that is reported [s]: a vehicle moves a meter meanwhile
+_SMALL_BUFFER = 2 << 20  # reported size [bytes]; Linux counts a datagram double, and the sonar sends up to 10 Mbit/s
+_SETTLED = 3.0  # time after which rates and the clock's offset are reliable [s]
 
 
 def status_lines(status: Status) -> tuple[str, str]:
-    """How it goes, in two lines of about 80 columns at most."""
+    """The status in two lines of about 80 columns at most."""
     tally, offset = status.tally, status.tally.clock.latest
     elapsed = timedelta(seconds=int(status.seconds))
     if not tally.packets:
@@ -45,7 +44,7 @@ def status_lines(status: Status) -> tuple[str, str]:
 
 
 def end_lines(status: Status) -> list[str]:
-    """What was recorded, a line each."""
+    """Lines that summarize the finished recording."""
     tally, senders = status.tally, status.senders
     missing = [
         f"{counted.numbers.missing:,} {_PLAIN[kind][counted.numbers.missing != 1]}"
@@ -71,7 +70,7 @@ def _clock_at_the_end(clock: ClockOffset) -> str:
 
 
 def as_json(status: Status) -> dict[str, Any]:
-    """All of it in JSON's types; null for what is not known."""
+    """The status in JSON's types; None for unknown values."""
     tally, senders = status.tally, status.senders
     return {
         "file": str(status.path) if tally.packets else None,
@@ -104,20 +103,20 @@ def as_json(status: Status) -> dict[str, Any]:
 
 
 def clock_words(offset: float) -> str:
-    """As in "0.21 s behind"; the sonar's clock against this computer's [s]."""
+    """Offset of the sonar's clock from this computer's [s] in words, such as "0.21 s behind"."""
     amount = f"{abs(offset):,.2f} s" if abs(offset) < 86400 else f"{abs(offset) / 86400:,.0f} days"
     return f"{amount} {'ahead of' if offset > 0 else 'behind'}"
 
 
 class Watch:
-    """Looks at a recording each second; a warning comes once, that of silence each time that packets cease to come."""
+    """Warnings of a recording: each fault once, but silence whenever it begins."""
 
     def __init__(self) -> None:
         self._warned = set[str]()
         self._is_silent = False
 
     def warnings(self, status: Status) -> Iterator[str]:
-        """What is new, a sentence or some each."""
+        """The new warnings."""
         was_silent, self._is_silent = self._is_silent, status.silence > _SILENT
         if self._is_silent and not was_silent:
             yield _silence_words(status)
@@ -150,7 +149,7 @@ def _sends_words(source: Source) -> str:
 
 
 def _faults(status: Status) -> Iterator[tuple[str, str]]:
-    """What is wrong now, by a name under which it is said once."""
+    """The present faults: the name under which a fault is reported once, and its warning."""
     yield from _computer_faults(status)
     yield from _disk_faults(status)
     yield from _sender_faults(status)
@@ -187,7 +186,7 @@ def _computer_faults(status: Status) -> Iterator[tuple[str, str]]:
     if status.overflow:
         yield "overflow", "this computer is too busy: packets were lost in the system's receive buffer"
     if status.unsaved:
-        yield "unsaved", f"the disk of {status.path.parent} is too slow: packets were lost while it was waited for"
+        yield "unsaved", f"the disk of {status.path.parent} is too slow: packets were lost meanwhile"
 
 
 def _disk_faults(status: Status) -> Iterator[tuple[str, str]]:
