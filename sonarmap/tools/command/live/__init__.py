@@ -1,1 +1,1 @@
-"""`sonarmap live`: recording, mapping and showing, each in a process of its own."""
+"""`sonarmap live`: recording, mapping and display, each in a process of its own."""

@@ -1,4 +1,4 @@
-"""A dive from its first scan to its last: what maps begins again until it ends, and what is shown of it."""
+"""A dive in `sonarmap live`: runs the mapping in a process, restarts it if it fails, and shows its state."""
 
 import os
 import signal
@@ -17,32 +17,32 @@ from sonarmap.tools.command.live.recording import Again, in_words
 from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
 
-_TICK = 0.2  # seconds after which an end that was asked for is noticed, at the latest
-_MOST_FAILURES = 5  # in a row, of a dive that somebody else records
-_MOST_ALERTS = 5
-_PATIENCE = 5.0  # until a process has ended [s]
+_TICK = 0.2  # longest delay until a requested end is noticed [s]
+_MOST_FAILURES = 5  # in a row; then a dive ends that is not recorded here
+_MOST_ALERTS = 5  # on the page
+_PATIENCE = 5.0  # for a process to end [s]
 
 
 class KilledError(Exception):
-    """The process that maps has gone without a word."""
+    """The mapping process ended without a message."""
 
 
 @dataclass(slots=True)
 class Dive:
-    """What goes on."""
+    """Runs the mapping of a dive and shows its state and alerts."""
 
     settings: MappingSettings
     page: LivePage
-    tell: Callable[[State, list[str]], None]  # called with the state, and what is new and wrong, for the terminal
-    is_recorded: bool  # whether a recording goes on beside, so that nothing but the user ends the dive
-    said: Sequence[deque[str]] = ()  # what those at work beside have to say; taken from there when it is shown
+    tell: Callable[[State, list[str]], None]  # shows the state and the new alerts on the terminal
+    is_recorded: bool  # whether a recording runs as well, so that only the user ends the dive
+    said: Sequence[deque[str]] = ()  # alerts of the recording and the navigation, removed when shown
     _state: State = field(default_factory=State)
     _alerts: list[str] = field(default_factory=list[str])
-    _of_mapping: set[str] = field(default_factory=set[str])  # alerts, which it repeats
-    _new: list[str] = field(default_factory=list[str])
+    _of_mapping: set[str] = field(default_factory=set[str])  # alerts of the mapping, which repeats them
+    _new: list[str] = field(default_factory=list[str])  # alerts that are not on the terminal yet
 
     def follow(self, stop: Event) -> None:
-        """Map until `stop` is set, or the input has ended. What fails begins again."""
+        """Map until `stop` is set or the input has ended; restart the mapping if it fails."""
         again = Again()
         while not stop.is_set():
             again.begins()
@@ -50,13 +50,13 @@ class Dive:
                 if self._map_until(stop) and not self.is_recorded:
                     return
                 error: Exception = InputError("no more scans came")
-            except Exception as failure:  # noqa: BLE001 - a recording goes on beside, whatever this is
+            except Exception as failure:  # noqa: BLE001 - whatever it is, a recording may go on
                 error = failure
             if not stop.is_set():
                 self._pause(again, error, stop)
 
     def _pause(self, again: Again, error: Exception, stop: Event) -> None:
-        """Say what ended the mapping, and wait until it is to begin again, if it is."""
+        """Report why the mapping ended, and wait until it is restarted. Raises the error if it is not."""
         pause, was_killed = again.pause(), isinstance(error, KilledError)
         if not self.is_recorded and (isinstance(error, InputError | DeviceError) or again.failures > _MOST_FAILURES):
             raise InputError(f"{error}; 'sonarmap doctor' says what fits") if was_killed else error
@@ -70,7 +70,7 @@ class Dive:
                 return
 
     def _map_until(self, stop: Event) -> bool:
-        """Map in a process of its own; whether all that came is mapped, or else `stop` is set. Raises what ended it."""
+        """Map in a process of its own; True if all scans are mapped, False if `stop` is set. Raises what ended it."""
         context = get_context("spawn")
         pipe, other = context.Pipe()
         process = context.Process(target=_map, args=(self.settings, other), daemon=True)
@@ -85,16 +85,16 @@ class Dive:
         finally:
             pipe.close()
             process.join(_PATIENCE)
-            process.kill()  # what it has kept is whole whenever it ends
+            process.kill()  # its files are complete whenever it ends
             process.join()
         return False
 
     def _took(self, pipe: Connection) -> bool:
-        """Take a message; whether it is the last one. Raises what ended the mapping."""
+        """Receive a message; whether it is the last one. Raises what ended the mapping."""
         try:
             message: Any = pipe.recv()
-        except (EOFError, OSError) as error:  # the second in the middle of a message
-            raise KilledError("the mapping was killed, as where memory is short") from error
+        except (EOFError, OSError) as error:  # OSError within a message
+            raise KilledError("the mapping was killed, perhaps for lack of memory") from error
         if message is None:
             return True
         if isinstance(message, Exception):
@@ -111,7 +111,7 @@ class Dive:
         return False
 
     def _look(self) -> None:
-        """Show what those at work beside have to say."""
+        """Show new alerts of the recording and the navigation."""
         for lines in self.said:
             while lines:
                 self._alert(lines.popleft().removeprefix("warning: "))
@@ -119,7 +119,7 @@ class Dive:
             self._show()
 
     def _show(self) -> None:
-        """The state on the terminal and the page, with what is wrong. A terminal that has gone is no reason to end."""
+        """Show the state and the alerts on the terminal and the page. A closed terminal does not end the dive."""
         with suppress(Exception):
             self.tell(self._state, self._new)
         self._new = []
@@ -132,7 +132,7 @@ class Dive:
 
 @contextmanager
 def _without_interrupts() -> Generator[None]:
-    """A process that is started within the block does not hear Ctrl-C, which is for this one."""
+    """Within the block, started processes ignore Ctrl-C, which is for this process."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
@@ -141,7 +141,7 @@ def _without_interrupts() -> Generator[None]:
 
 
 def _map(settings: MappingSettings, pipe: Connection) -> None:
-    """As `run_mapping`, in a process that ends with the one that began it: another one may want the journal."""
+    """`run_mapping` in a process that ends with its parent, so that the next one can open the journal."""
     parent = parent_process()
 
     def end_with_parent() -> None:

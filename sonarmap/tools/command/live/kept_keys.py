@@ -1,4 +1,4 @@
-"""Key scans on disk, so that a mapping that was killed goes on where it was; and a finished map as key scans."""
+"""Key scans on disk, from which a killed mapping goes on; and a finished map as key scans."""
 
 import json
 import shutil
@@ -28,18 +28,18 @@ _INPUTS = "inputs.sha256"
 
 @dataclass(frozen=True, slots=True)
 class KeptKey:
-    """A key scan."""
+    """A key scan as it is stored."""
 
     scan: Scan
-    step: Registration | None  # to the key scan before; None where a part begins
-    behind: Mark  # how far the input was read then
-    voxel: float  # of the survey [m]
+    step: Registration | None  # registration to the previous key scan; None for the first of a part
+    behind: Mark  # where reading of the input goes on
+    voxel: float  # edge of the survey's voxels [m]
 
 
 def keep_key(out: Path, number: int, key: KeptKey) -> None:
-    """Write a key scan to a map's folder, as the last one."""
+    """Write a key scan to a map's folder; it becomes the last one."""
     prior = key.scan.prior
-    said: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "name": key.scan.name,
         "stamp": key.scan.stamp,
         "step": None if key.step is None else to_text(key.step),
@@ -47,25 +47,25 @@ def keep_key(out: Path, number: int, key: KeptKey) -> None:
         "voxel": key.voxel,
         "prior": prior and [prior.T_world_sensor.as_matrix().tolist(), prior.sigmas.tolist()],
     }
-    (out / FOLDER / _name(number + 1)).unlink(missing_ok=True)  # which followed another one, that was damaged
+    (out / FOLDER / _name(number + 1)).unlink(missing_ok=True)  # left from before this one was damaged
     with atomic_path(out / FOLDER / _name(number)) as temporary, temporary.open("wb") as file:
-        np.savez(file, points=key.scan.points, said=np.frombuffer(json.dumps(said).encode(), np.uint8))
+        np.savez(file, points=key.scan.points, said=np.frombuffer(json.dumps(fields).encode(), np.uint8))
 
 
 def kept_keys(out: Path, alert: Callable[[str], object] = len) -> Iterator[KeptKey]:
-    """The key scans of a map's folder, up to the first that is not there or damaged; `alert` hears of the second."""
+    """The key scans of a map's folder, up to the first that is missing or damaged; `alert` reports a damaged one."""
     number = 0
     while (path := out / FOLDER / _name(number)).is_file():
         try:
             with np.load(path, allow_pickle=False) as arrays:
-                said, points = json.loads(arrays["said"].tobytes()), arrays["points"]
-            step = None if said["step"] is None else from_text(said["step"])[0]
-            prior = said["prior"] and PosePrior(
-                RigidTransform.from_matrix(np.array(said["prior"][0])), np.array(said["prior"][1], np.float64)
+                fields, points = json.loads(arrays["said"].tobytes()), arrays["points"]
+            step = None if fields["step"] is None else from_text(fields["step"])[0]
+            prior = fields["prior"] and PosePrior(
+                RigidTransform.from_matrix(np.array(fields["prior"][0])), np.array(fields["prior"][1], np.float64)
             )
             refuse_map_coordinates(points)
-            scan = Scan(points, stamp=float(said["stamp"]), prior=prior, name=str(said["name"]))
-            behind, voxel = Mark(**said["behind"]), float(said["voxel"])
+            scan = Scan(points, stamp=float(fields["stamp"]), prior=prior, name=str(fields["name"]))
+            behind, voxel = Mark(**fields["behind"]), float(fields["voxel"])
             types = type(behind.file), type(behind.count), type(behind.shots)
             if types != (str, int, int) or not (voxel > 0 and isfinite(scan.stamp + voxel)):
                 raise ValueError
@@ -78,38 +78,38 @@ def kept_keys(out: Path, alert: Callable[[str], object] = len) -> Iterator[KeptK
 
 
 def has_keys(out: Path) -> bool:
-    """Whether there is one of the dive itself."""
+    """Whether there are key scans of the dive itself, not only of a finished map."""
     return any(key.behind != Mark() for key in kept_keys(out))
 
 
 def forget_keys(out: Path) -> None:
-    """Remove them all; their folder, by which programs take turns, stays."""
+    """Delete all key scans, but not their folder, which programs lock."""
     for path in (out / FOLDER).glob("key_*.npz"):
         path.unlink(missing_ok=True)
 
 
 def clear(out: Path) -> None:
-    """Remove the folder, when nothing goes on there any more."""
+    """Delete the folder of key scans at the end of a dive."""
     shutil.rmtree(out / FOLDER, ignore_errors=True)
 
 
 @contextmanager
 def kept_for(out: Path, inputs: Sequence[str], settings: object = None) -> Generator[None]:
-    """Within the block a map's folder is this program's, and holds key scans of these inputs alone, mapped with these
-    settings, any that `fingerprint` takes."""
+    """Lock a map's folder within the block, and delete key scans of other inputs or settings (any value that
+    `fingerprint` accepts)."""
     folder = out / FOLDER
     require_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder, writing=True):
-        said = fingerprint([[str(Path(name).resolve()) for name in inputs], settings])
+        digest = fingerprint([[str(Path(name).resolve()) for name in inputs], settings])
         try:
-            same = (folder / _INPUTS).read_text(encoding="utf-8") == said
+            same = (folder / _INPUTS).read_text(encoding="utf-8") == digest
         except (OSError, ValueError):
             same = False
         if not same:
             forget_keys(out)
             with atomic_path(folder / _INPUTS) as temporary:
-                temporary.write_text(said, encoding="utf-8")
+                temporary.write_text(digest, encoding="utf-8")
         yield
 
 
@@ -118,7 +118,7 @@ def _name(number: int) -> str:
 
 
 def map_keys(folder: Map) -> Iterator[KeptKey]:
-    """Key scans of the largest part of a map, which is taken to be sure of their poses: it stays as it is."""
+    """Key scans of the largest part of a map, with its poses as almost exact, so that it stays as it is."""
     surveyed, part, before = surveyed_map(folder), folder.parts[0], None
     for key in surveyed.apart:
         T, stamp, name = surveyed.T_map_sensor[key], float(part.trajectory.stamps[key]), folder.names[part.scans[key]]
@@ -129,5 +129,5 @@ def map_keys(folder: Map) -> Iterator[KeptKey]:
 
 
 def _step(T: RigidTransform) -> Registration:
-    """As the map has it."""
+    """A step between key scans with almost exact relative pose T."""
     return Registration(T, np.diag(LEAST**2), psr=np.inf, overlap=1.0, accepted=True, seconds=0.0, reason="of the map")

@@ -1,4 +1,4 @@
-"""The process that maps: scans in as they come, messages for the page out."""
+"""The mapping process: scans in as they arrive, messages for the page out."""
 
 import time
 from collections import deque
@@ -34,27 +34,30 @@ from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.messages import State, coverage
 
-_FIRST = 10  # scans that choose the voxel, or those of so many seconds
-_FIRST_SECONDS = 3.0
-_TICK = 1.0  # between states where no scan comes [s]
-_UNSURE = 8.0  # standard deviation of a place that is uncertain [voxels]: as far as key scans are apart
-_SHOWN, _LAST_SHOWN, _COUNTED = 4000, 2500, 1000  # points: of a key scan, of the last scan, for the coverage
-_MOST_SHOWN = 1_500_000  # points of all key scans, from which on new ones have fewer
+_FIRST = 10  # scans from which the voxel is chosen, or
+_FIRST_SECONDS = 3.0  # the scans of this time [s]
+_TICK = 1.0  # interval of states while no scan comes [s]
+_UNSURE = 8.0  # standard deviation of an uncertain position [voxels]: the distance between key scans
+_SHOWN = 4000  # points of a key scan on the page
+_LAST_SHOWN = 2500  # points of the last scan on the page
+_COUNTED = 1000  # points of a key scan for the coverage
+_MOST_SHOWN = 1_500_000  # points of all key scans on the page; beyond it, new ones have fewer
 _CELL = 4.0  # edge of a cell of the coverage [voxels]
 _COVERAGE_EVERY = 2.0  # [s]
-_NEW_KEYS, _NEW_SHARE = 4, 0.1  # key scans after which all is decided anew, and their share of all
-_SPEED_OVER = 2.0  # [s]
-_TRACK = 64  # scans that tell the speed
-_IN_MEMORY = 1 << 27  # bytes of key scans; the others are on disk
+_NEW_KEYS = 4  # new key scans before the next decision, at least
+_NEW_SHARE = 0.1  # share of new key scans in all of them before the next decision, at least
+_SPEED_OVER = 2.0  # time over which the speed is measured [s]
+_TRACK = 64  # latest scans from which the speed is measured
+_IN_MEMORY = 1 << 27  # bytes of key scans in memory; the others are on disk
 
 
 @dataclass(frozen=True, slots=True)
 class MappingSettings:
-    """What is mapped, and how."""
+    """Settings of the mapping process."""
 
     out: Path  # the map's folder
-    inputs: tuple[str, ...]  # one that grows, or finished ones to replay
-    replay: float | None  # so many times faster than they were taken, 0 at once; None of one that grows
+    inputs: tuple[str, ...]  # a growing input, or finished ones to replay
+    replay: float | None  # factor of the replay's speed, 0 for the highest; None for a growing input
     corrections: Corrections
     method: MethodOptions
     mapper: MapperSettings
@@ -62,20 +65,20 @@ class MappingSettings:
 
 
 def run_mapping(settings: MappingSettings, pipe: Connection) -> None:
-    """Map until the input has ended, or nobody reads the pipe any more. Sends states and messages of
-    `tools.products.live`, and at the end None, when all that came is placed, or what ended it."""
-    signal(SIGINT, SIG_IGN)  # it is for who shows
+    """Map until the input has ended or the pipe is closed. Sends states and messages of `tools.products.live`, and at
+    the end None if all scans have been mapped, or else the error that ended the mapping."""
+    signal(SIGINT, SIG_IGN)  # Ctrl-C is for the parent process
     try:
         _Mapping(settings, pipe).run()
         pipe.send(None)
     except (BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
-        pass  # the one who shows has gone; who comes next goes on
-    except Exception as error:  # noqa: BLE001 - it is for who shows, who begins again
+        pass  # the parent process has ended; the next one goes on
+    except Exception as error:  # noqa: BLE001 - the parent process reports it and restarts
         pipe.send(error if isinstance(error, InputError | DeviceError) else RuntimeError(_described(error)))
 
 
 def _described(error: Exception) -> str:
-    """As in "ValueError: why (mapping.py, line 99)"; the error itself may not pass through a pipe."""
+    """For example "ValueError: why (mapping.py, line 99)", as not every error can pass through a pipe."""
     last = extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {error} ({Path(last.filename).name}, line {last.lineno})"
 
@@ -83,21 +86,20 @@ def _described(error: Exception) -> str:
 class _Mapping:
     def __init__(self, settings: MappingSettings, pipe: Connection) -> None:
         self._settings, self._pipe = settings, pipe
-        self._state = State()  # as far as it was counted: scans, placed, alerts
+        self._state = State()  # counts so far: scans, placed, alerts
         self._stamp: float | None = None  # of the last scan
-        self._track: deque[tuple[float, Placed]] = deque(maxlen=_TRACK)  # the last that were placed
-        self._sure: tuple[float, Placed] | None = None  # the last whose place was sure
+        self._track: deque[tuple[float, Placed]] = deque(maxlen=_TRACK)  # the latest placed scans, with their stamps
+        self._last_sure: tuple[float, Placed] | None = None  # the last scan that was not lost, with its stamp
         self._beside = ThreadPoolExecutor(1, "deciding")
         self._deciding: Future[None] | None = None
-        self._decided = self._covered = 0.0  # when all was decided, and the coverage was sent
-        self._counted: list[np.ndarray] = []  # points of each key scan that is shown
-        self._heard = time.monotonic()  # when the last scan came
-        self._stride = 1
+        self._decided = self._covered = 0.0  # times of the last decision, and of the last coverage [s]
+        self._counted: list[np.ndarray] = []  # points of each shown key scan, for the coverage
+        self._last_arrival = time.monotonic()  # time at which the last scan came [s]
+        self._stride = 1  # number of waiting scans of which the last is placed
         self._store = PointStore(_IN_MEMORY)
-        self._behind = Mark()  # how far the input was read for the scan before
+        self._behind = Mark()  # position in the input after the previous scan
 
     def run(self) -> None:
-        """As `run_mapping`."""
         kept = list(kept_keys(self._settings.out, self._alert))
         self._behind = kept[-1].behind if kept else Mark()
         self._backlog = Backlog(self._incoming(self._behind))
@@ -119,11 +121,11 @@ class _Mapping:
             raise self._backlog.error
 
     def _journal(self) -> "Journal | nullcontext[None]":
-        """The folder's, or none where the disk takes no more."""
+        """The journal in the map's folder, or none if it cannot be written."""
         try:
             return Journal(self._settings.out / JOURNAL)
         except InputError as error:
-            self._alert(f"what is registered is not stored: {error}")
+            self._alert(f"registrations are not saved: {error}")
             return nullcontext()
 
     def _map(self, growing: GrowingMap) -> None:
@@ -136,7 +138,7 @@ class _Mapping:
             if waiting:
                 self._place(growing, waiting)
             self._decide_if_due(growing)
-            self._say(growing)
+            self._send_state(growing)
         growing.idle.set()
         self._end_deciding()
         self._deciding = self._beside.submit(self._decide, growing)
@@ -144,7 +146,7 @@ class _Mapping:
         if growing.take_over():
             self._show_poses(growing)
         self._show_keys(growing)
-        self._say(growing, ended=self._backlog.error is None)
+        self._send_state(growing, ended=self._backlog.error is None)
 
     def _incoming(self, after: Mark) -> Iterator[Incoming]:
         settings = self._settings
@@ -153,19 +155,19 @@ class _Mapping:
         return replayed(settings.inputs, settings.corrections, settings.replay, lambda: False, after)
 
     def _first(self) -> list[Incoming]:
-        """The scans that choose the voxel; none if none has come."""
+        """The scans from which the voxel is chosen; empty if none has come."""
         begun = 0.0
         while not self._backlog.ended:
             waiting = self._backlog.wait(_TICK, _FIRST)
             begun = begun or (time.monotonic() if waiting else 0.0)
             if waiting >= _FIRST or (waiting and time.monotonic() - begun >= _FIRST_SECONDS):
                 break
-            self._say(None)
+            self._send_state(None)
         return [self._backlog[k] for k in range(min(_FIRST, self._backlog.wait(0)))]
 
     def _place(self, growing: GrowingMap, waiting: int) -> None:
-        """Place the next scan. Where more wait than can be placed, some are left for the map that is made at the end:
-        as few as keep up, and none where the next one alone can be placed."""
+        """Place the next scan. If scans come faster than they are placed, some are skipped, which the final map uses:
+        as few as possible, and none if only the next scan can be placed."""
         chosen = min(waiting, self._stride) if self._settings.replay != 0 else 1
         scan, behind = self._backlog[chosen - 1].scan, self._backlog[chosen - 1].behind
         known = len(growing.poses)
@@ -178,7 +180,7 @@ class _Mapping:
         self._stride = min(2 * chosen, late) if late > 1 else max(1, chosen - 1)
         for number in range(known, len(growing.poses)):
             self._keep(growing, number, behind if growing.tracker.keys[number] is scan else self._behind)
-        self._behind, self._heard, self._stamp = behind, time.monotonic(), scan.stamp
+        self._behind, self._last_arrival, self._stamp = behind, time.monotonic(), scan.stamp
         self._state = replace(self._state, scans=self._state.scans + chosen)
         self._show_keys(growing)
         if placed is not None:
@@ -188,7 +190,7 @@ class _Mapping:
             self._pipe.send(messages.last(placed.key, points))
 
     def _keep(self, growing: GrowingMap, number: int, behind: Mark) -> None:
-        """Keep a key scan on disk, and its points there alone if there are many."""
+        """Save a key scan; its points stay in memory only if there are few."""
         step, key = growing.tracker.steps.get(number), growing.tracker.keys[number]
         try:
             growing.tracker.keys[number] = replace(key, points=self._store.keep(key.points))
@@ -198,7 +200,7 @@ class _Mapping:
                 KeptKey(key, None if step is None else step.registration, behind, growing.voxel),
             )
         except (InputError, OSError) as error:
-            self._alert(f"the map grows in memory alone, and is lost if the mapping is killed: {error}")
+            self._alert(f"the map grows in memory only, and is lost if the mapping is killed: {error}")
 
     def _alert(self, words: str) -> None:
         if words not in self._state.alerts:
@@ -213,19 +215,19 @@ class _Mapping:
             growing.decide()
 
     def _end_deciding(self) -> None:
-        """Wait until all is decided, if it is being decided. Where that fails, poses go on by the scans' steps."""
+        """Wait for a running decision. If it fails, the poses still follow from the scans' steps."""
         if self._deciding is None:
             return
         try:
             self._deciding.result()
         except DeviceError:
             raise
-        except Exception as error:  # noqa: BLE001 - as navigation that is wrong; later there is more of it
+        except Exception as error:  # noqa: BLE001 - such as wrong navigation, of which there is more later
             self._alert(f"loops are not closed: {error}")
         self._deciding, self._decided = None, time.monotonic()
 
     def _decide_if_due(self, growing: GrowingMap) -> None:
-        """Decide all anew, beside, where enough is new; and show what came of it."""
+        """Show the last decision, and start another in the background if enough key scans are new."""
         if self._deciding is not None and not self._deciding.done():
             return
         self._end_deciding()
@@ -233,13 +235,13 @@ class _Mapping:
         if growing.take_over():
             self._show_poses(growing)
         new = len(growing.poses) - growing.decided
-        waited = now - self._decided >= growing.seconds  # half of the time at most is for this
+        waited = now - self._decided >= growing.seconds  # decisions take at most half of the time
         apart = growing.decided and len(growing.parts) > 1 and new > 0
         if waited and (apart or new >= max(_NEW_KEYS, _NEW_SHARE * len(growing.poses))):
             self._deciding = self._beside.submit(self._decide, growing)
 
     def _show_keys(self, growing: GrowingMap) -> None:
-        """Clouds and poses of key scans that are new."""
+        """Send the clouds and poses of new key scans, and the coverage."""
         shown = len(self._counted)
         for number in range(shown, len(growing.poses)):
             points = growing.tracker.keys[number].points
@@ -255,22 +257,21 @@ class _Mapping:
             self._pipe.send(coverage([T.apply(points)[:, :2] for T, points in own], _CELL * growing.voxel, part))
 
     def _show_poses(self, growing: GrowingMap, first: int = 0) -> None:
-        """Those of key scans from the first one on; the loops too where all are new."""
+        """Send the poses of the key scans from `first` on, and, with all of them, the loops."""
         poses = growing.poses
         if first == 0:
             self._pipe.send(messages.loops(growing.loops))
         for each in messages.poses(first, [pose.part for pose in poses], [pose.T_part_sensor for pose in poses]):
             self._pipe.send(each)
 
-    def _say(self, growing: GrowingMap | None, ended: bool = False) -> None:
-        """The state."""
+    def _send_state(self, growing: GrowingMap | None, ended: bool = False) -> None:
         waiting = self._backlog.wait(0)
         last = self._backlog[waiting - 1].scan.stamp if waiting else None
         state = replace(
             self._state,
             behind=waiting,
             missing=self._backlog.missing,
-            silent=0.0 if waiting else time.monotonic() - self._heard,
+            silent=0.0 if waiting else time.monotonic() - self._last_arrival,
             late=0.0 if last is None or self._stamp is None else max(0.0, last - self._stamp),
         )
         if growing is not None and self._track:
@@ -278,7 +279,6 @@ class _Mapping:
         self._pipe.send(replace(state, status="ended") if ended else state)
 
     def _with_vehicle(self, growing: GrowingMap, state: State) -> State:
-        """Where the vehicle is, how surely, and how fast it goes."""
         (stamp, placed), parts = self._track[-1], growing.parts
         pose = growing.pose(placed)
         T, (variances, axes) = pose.T_part_sensor, np.linalg.eigh(pose.covariance[3:, 3:])
@@ -286,8 +286,8 @@ class _Mapping:
         alone = len(parts) > 1 and pose.part != max(parts, key=lambda part: parts[part])
         now = stamp if self._stamp is None else self._stamp
         if not (lost := growing.tracker.is_lost or alone):
-            self._sure = now, placed
-        sure = None if self._sure is None else growing.pose(self._sure[1])
+            self._last_sure = now, placed
+        sure = None if self._last_sure is None else growing.pose(self._last_sure[1])
         speed, turn_rate = self._speeds(growing)
         return replace(
             state,
@@ -296,7 +296,7 @@ class _Mapping:
             loops=len(growing.loops),
             parts=len(parts),
             alone=alone,
-            lost_for=now - self._sure[0] if lost and self._sure else None,
+            lost_for=now - self._last_sure[0] if lost and self._last_sure else None,
             sigma=sigma,
             part=pose.part,
             own=growing.settled,
@@ -310,7 +310,7 @@ class _Mapping:
         )
 
     def _speeds(self, growing: GrowingMap) -> tuple[float | None, float | None]:
-        """Speed [m/s] and turn rate [deg/s], positive to the left, of the last seconds."""
+        """Speed [m/s] and turn rate [deg/s], positive to the left, over the last seconds; None if unknown."""
         last, part = self._track[-1][0], growing.poses[self._track[-1][1].key].part
         within = [
             (stamp, growing.pose(placed).T_part_sensor)
@@ -326,26 +326,26 @@ class _Mapping:
 
 
 def _thinned(points: np.ndarray, most: int) -> np.ndarray:
-    """At most so many of (N, 3) points, evenly."""
+    """At most `most` of (N, 3) points, evenly chosen."""
     return points[:: max(1, -(-len(points) // most))]
 
 
-_MOST = 256  # scans in memory; the others wait in their file
+_MOST = 256  # scans in memory; the others stay in their file
 
 
 class Backlog:
-    """Takes scans from where they come, by a thread of its own, and holds those that wait."""
+    """Reads scans in a thread of its own, and holds those that wait to be placed."""
 
     def __init__(self, scans: Iterable[Incoming]) -> None:
         self.error: InputError | None = None  # why no more scans come
-        self.missing = 0  # shots that did not come, by their numbers
-        self.ended = False  # whether all have come
+        self.missing = 0  # missing shots, by their numbers
+        self.ended = False  # whether no more scans come
         self._waiting: deque[Incoming] = deque()
         self._changed = Condition()
         Thread(target=self._run, args=(scans,), name="incoming", daemon=True).start()
 
     def wait(self, seconds: float, least: int = 1) -> int:
-        """The number of scans that wait, once it reaches the wanted one, all have come, or the time is over."""
+        """Number of waiting scans, once it is `least`, no more scans come, or the time is over."""
         with self._changed:
             self._changed.wait_for(lambda: len(self._waiting) >= least or self.ended, seconds)
             return len(self._waiting)
@@ -355,7 +355,7 @@ class Backlog:
             return self._waiting[number]
 
     def drop(self, count: int) -> None:
-        """Forget the first ones."""
+        """Remove the first scans."""
         with self._changed:
             for _ in range(min(count, len(self._waiting))):
                 self._waiting.popleft()
@@ -369,7 +369,7 @@ class Backlog:
                     self._waiting.append(each)
                     self.missing = each.missing
                     self._changed.notify_all()
-        except BaseException as error:  # noqa: BLE001 - what ends this thread is for who waits for scans
+        except BaseException as error:  # noqa: BLE001 - `error` reports it to whoever waits for scans
             self.error = error if isinstance(error, InputError) else InputError(f"scans cannot be read: {error!r}")
         finally:
             with self._changed:

@@ -1,4 +1,4 @@
-"""Navigation while the vehicle dives: NMEA sentences kept as they come, and files that grow, read for key scans."""
+"""Navigation during a dive: NMEA sentences saved as they arrive, and growing files read for the key scans."""
 
 import re
 import socket
@@ -23,17 +23,17 @@ from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 
-_TEXTS = (".csv", ".txt", ".tum", ".nmea", ".log")  # whose last line may be half written
+_TEXTS = (".csv", ".txt", ".tum", ".nmea", ".log")  # files whose last line may be incomplete
 
 
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """The options that say what there is."""
+    """Reads the navigation files, as the options say."""
 
     priors: PriorsFile
     odometry: OdometryFile
     reading: NavigationReading
-    fastest: float | None = None  # that the vehicle goes [m/s]
+    fastest: float | None = None  # largest speed of the vehicle [m/s]
     origin: Georeference | None = None  # of the map; None for the first fix
 
     def __post_init__(self) -> None:
@@ -41,8 +41,8 @@ class Navigation:
         _ = self.odometry.drift
 
     def __call__(self, scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry | None]:
-        """The scans with their priors, and the dead reckoning at their times, as far as the files go. Where one says
-        nothing yet, or cannot be read now, the scans stay as they are: the map at the end says what is wrong."""
+        """The scans with priors, and dead reckoning at their times, from the files so far. A file that has no data yet
+        or cannot be read now changes nothing: the final map reports what is wrong."""
         odometry, settings = None, self._settings()
         if self.priors.priors:
             with suppress(Exception), ExitStack() as stack:
@@ -61,7 +61,7 @@ class Navigation:
 
 @contextmanager
 def _whole_lines(path: Path) -> Generator[Path]:
-    """A file, or of a text what is written of it so far but for the line that is being written."""
+    """The file itself, or, for a text file, a copy without its incomplete last line."""
     if path.suffix.lower() not in _TEXTS:
         yield path
         return
@@ -74,11 +74,11 @@ def _whole_lines(path: Path) -> Generator[Path]:
 
 NAME = "navigation.nmea"  # within the map's folder
 _SENTENCE = re.compile(rb"[$!]([A-Z][^*\r\n]{5,110})\*([0-9A-Fa-f]{2})")
-_LARGEST = 1 << 16  # bytes that are looked at together
-_MOST_WAITING = 1 << 24  # bytes of sentences that wait for the disk: an hour and more
-_MOST_SAID = 64  # lines that wait to be shown
-_WAIT = 0.3  # seconds after which the end is noticed, at the latest
-_SILENT = 10.0  # seconds without a sentence that are worth a word
+_LARGEST = 1 << 16  # bytes received at once, and length of an incomplete sentence at most
+_MOST_WAITING = 1 << 24  # bytes of sentences that wait for the disk: more than an hour
+_MOST_SAID = 64  # alerts that wait to be shown
+_WAIT = 0.3  # longest delay until a requested end is noticed [s]
+_SILENT = 10.0  # silence that is reported [s]
 _BAUD = 4800  # of NMEA 0183
 _LISTENS = "navigation by --nmea"
 _LOCAL = "127.0.0.1"
@@ -86,15 +86,15 @@ _ADDRESS = re.compile(r"(?:\[?([^/\\]*?)\]?:)?(\d+)")  # HOST:PORT, or PORT
 
 
 class NavigationLog:
-    """Sentences that come are added to a file of the map's folder, as long as it is open as a context. A device that
-    was unplugged is opened again, and what a full disk does not take waits in memory. The source is a UDP port, as
-    10110 or 0.0.0.0:10110, or a serial device, as /dev/ttyUSB0 or COM3@38400 (4800 baud without a number)."""
+    """Appends received sentences to a file of the map's folder while it is open as a context. A device that was
+    unplugged is opened again; sentences wait in memory while the disk is full. The source is a UDP port, such as
+    10110 or 0.0.0.0:10110, or a serial device, such as /dev/ttyUSB0 or COM3@38400 (4800 baud by default)."""
 
     def __init__(self, source: str, out: Path) -> None:
-        self.said = deque[str](maxlen=_MOST_SAID)  # what there is to say, a line each
+        self.said = deque[str](maxlen=_MOST_SAID)  # alerts to show
         self._source, self._path = source, out / NAME
         self._waiting = b""
-        self._faults = dict[str, str]()  # what is wrong now, by what it is of
+        self._faults = dict[str, str]()  # present faults by kind; "" for none
         self._came = time.monotonic()
         self._ends = Event()
         self._source_open = ExitStack()
@@ -114,27 +114,27 @@ class NavigationLog:
         self._thread.join()
 
     def _run(self, receive: Callable[[], bytes] | None) -> None:
-        """`receive`: of the source that is open: closing and opening a device drops what has come meanwhile."""
+        """Receive until the end, and open the source again if it fails. `receive` reads it as it was opened first."""
         again = Again()
         while not self._ends.is_set():
             again.begins()
             try:
                 with self._source_open:
                     self._keep(receive or self._source_open.enter_context(_opened(self._source)))
-            except Exception as error:  # noqa: BLE001 - pyserial raises many kinds; all are tried again
+            except Exception as error:  # noqa: BLE001 - pyserial raises many types
                 self._set("device", f"{self._source} has gone ({error}), and is opened again when it is back")
                 self._ends.wait(max(_WAIT, again.pause()))
             receive = None
         self._store()
 
     def _keep(self, receive: Callable[[], bytes]) -> None:
-        """Until the end; a serial line gives parts of sentences."""
-        left = b""
+        """Save sentences until the end. A serial line delivers them in pieces."""
+        rest = b""
         while not self._ends.is_set():
             with suppress(TimeoutError):
-                left = (left + receive())[-_LARGEST:]
-            end = max(left.rfind(b"\n"), left.rfind(b"\r")) + 1
-            sentences, left = b"".join(sentences_in(left[:end])), left[end:]
+                rest = (rest + receive())[-_LARGEST:]
+            end = max(rest.rfind(b"\n"), rest.rfind(b"\r")) + 1
+            sentences, rest = b"".join(sentences_in(rest[:end])), rest[end:]
             self._waiting = (self._waiting + sentences)[-_MOST_WAITING:]
             now = time.monotonic()
             self._came = now if sentences else self._came
@@ -144,7 +144,7 @@ class NavigationLog:
             self._store()
 
     def _store(self) -> None:
-        """Write what waits, as far as the disk takes it."""
+        """Write the waiting sentences; they stay in memory while the disk is full."""
         try:
             if self._waiting:
                 with self._path.open("ab", buffering=0) as file:
@@ -156,18 +156,18 @@ class NavigationLog:
         else:
             self._set("disk", "")
 
-    def _set(self, what: str, fault: str) -> None:
-        """Say that something is wrong, or no longer."""
-        before = self._faults.get(what, "")
-        self._faults[what] = fault
+    def _set(self, kind: str, fault: str) -> None:
+        """Set the fault of a kind, "" for none, and report it if it begins or ends."""
+        before = self._faults.get(kind, "")
+        self._faults[kind] = fault
         if fault and not before:
             self.said.append(f"{_LISTENS}: {fault}")
         elif before and not fault:
-            self.said.append(f"{_LISTENS}: comes again after: {before}")
+            self.said.append(f"{_LISTENS}: resolved: {before}")
 
 
 def sentences_in(received: bytes) -> list[bytes]:
-    """The sentences with a right checksum, each as a line."""
+    """The sentences with a correct checksum, each as a line."""
     found = [
         match for match in _SENTENCE.finditer(received) if reduce(lambda a, b: a ^ b, match[1]) == int(match[2], 16)
     ]
@@ -175,13 +175,13 @@ def sentences_in(received: bytes) -> list[bytes]:
 
 
 def _hint(source: str) -> str:
-    """What to look at where nothing comes."""
+    """Advice for a silent source."""
     return f"; senders on other computers need --nmea 0.0.0.0:{source}" if source.isdecimal() else ""
 
 
 @contextmanager
 def _opened(source: str) -> Generator[Callable[[], bytes]]:
-    """A function that gives what has come, or raises TimeoutError."""
+    """Open a source; a function that returns received bytes, or raises TimeoutError."""
     if address := _ADDRESS.fullmatch(source):
         host, port = address[1] or _LOCAL, int(address[2])
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as listening:
@@ -198,8 +198,8 @@ def _opened(source: str) -> Generator[Callable[[], bytes]]:
         line = serial.Serial(name, int(baud or _BAUD), timeout=_WAIT)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{_LISTENS}: {source} cannot be opened ({error}); give a UDP port, as 10110 or 0.0.0.0:10110, or a serial "
-            "device"
+            f"{_LISTENS}: {source} cannot be opened ({error}); give a UDP port, such as 10110 or 0.0.0.0:10110, or a "
+            "serial device"
         ) from error
     with line:
         yield lambda: line.read(max(1, line.in_waiting))

@@ -1,5 +1,4 @@
-"""The process that records: it knows nothing of the others, and goes on whatever becomes of them. Only the user's stop
-ends it."""
+"""The recording process: it is independent of the others, and only the user ends it."""
 
 import os
 import signal
@@ -17,38 +16,38 @@ from sonarmap.kernels.errors import InputError
 
 FOLDER = "recording"  # within the map's folder
 _LOG = "recorder.log"
-_TICK = 0.2  # seconds between looks
-_MOST_SAID = 64  # lines that wait to be shown
-_PATIENCE = 10.0  # until it has ended [s]
+_TICK = 0.2  # interval of checks [s]
+_MOST_SAID = 64  # messages that wait to be shown
+_PATIENCE = 10.0  # for the process to end [s]
 
 
 class RecordingProcess:
-    """`sonarmap record` beside this process, into OUT/recording/001.sonar, 002.sonar and so on; one that an earlier run
-    has left at work is taken over. The options, of `sonarmap record`, say where packets come in."""
+    """`sonarmap record` in a process of its own, to OUT/recording/001.sonar, 002.sonar and so on. A recording that an
+    earlier run has left running is taken over. `options` of `sonarmap record` say where packets are received."""
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
         self._folder, self._options = (out / FOLDER).resolve(), list(options)
-        self.said = deque[str](maxlen=_MOST_SAID)  # what there is to say, a line each
+        self.said = deque[str](maxlen=_MOST_SAID)  # messages to show
         self._again = Again()
-        self._due: float | None = None  # when it begins again; None while it is at work
+        self._due: float | None = None  # time of the next start [s]; None while it runs
         self._process: subprocess.Popen[bytes] | None = None
         self._read = 0
         self._id = recorder_of(out)
         if self._id is None:
             self._begin()
-        elif (own := _options_of(self._id, self._folder)) != self._options:
-            listens = " ".join(own or []) or "its defaults"
-            self.said.append(f"the recording of an earlier run goes on, listening by {listens}; to change that, end it")
+        elif (running := _options_of(self._id, self._folder)) != self._options:
+            words = " ".join(running or []) or "its default source"
+            self.said.append(f"the recording of an earlier run goes on with {words}; end it to change that")
 
     def keep_on(self, stop: Event) -> None:
-        """Begin it again whenever it has ended, and end it when `stop` is set."""
+        """Restart the recording whenever it ends, until `stop` is set; then end it."""
         while not stop.wait(_TICK):
             with suppress(Exception):
                 self.look()
         self.end()
 
     def look(self) -> None:
-        """Take what it says, and begin it again where it is due."""
+        """Collect its messages, and restart it if that is due."""
         code, now = self._exit_code(), time.monotonic()
         self.said.extend(self._lines())
         if code is None:
@@ -66,10 +65,10 @@ class RecordingProcess:
                 self.said.append(str(error))
 
     def end(self) -> None:
-        """End the recording, which gives its file its name. Where one was killed before anything came no file stays."""
+        """End the recording, which then renames its file, and delete empty files of recordings that were killed."""
         if self._id is not None and self._exit_code() is None:
             with suppress(ProcessLookupError):
-                os.kill(self._id, signal.SIGTERM)  # a shell may have it ignore interrupts
+                os.kill(self._id, signal.SIGTERM)  # not SIGINT, which it ignores if a shell says so
             until = time.monotonic() + _PATIENCE
             while self._exit_code() is None and time.monotonic() < until:
                 time.sleep(0.05)
@@ -98,7 +97,7 @@ class RecordingProcess:
         self._again.begins()
 
     def _exit_code(self) -> int | None:
-        """None while it is at work; -1 of one that was taken over and has gone."""
+        """None while it runs; -1 for a process that was taken over and has ended."""
         if self._process is not None:
             return self._process.poll()
         return -1 if self._id is None or _options_of(self._id, self._folder) is None else None
@@ -113,42 +112,42 @@ class RecordingProcess:
 
 
 def recorder_of(out: Path) -> int | None:
-    """The number of a process that records to a map's folder; None where there is none."""
-    numbers, folder = (int(process.name) for process in Path("/proc").glob("[0-9]*")), (out / FOLDER).resolve()
-    return next((number for number in numbers if _options_of(number, folder) is not None), None)
+    """Id of the process that records to a map's folder; None if there is none."""
+    pids, folder = (int(process.name) for process in Path("/proc").glob("[0-9]*")), (out / FOLDER).resolve()
+    return next((pid for pid in pids if _options_of(pid, folder) is not None), None)
 
 
-def _options_of(number: int, folder: Path) -> list[str] | None:
-    """Where a process that records to a folder listens; None of another process, or one that has gone."""
+def _options_of(pid: int, folder: Path) -> list[str] | None:
+    """Options of the process that records to a folder; None if this process does not, or has ended."""
     try:
-        words = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return None
     file = next((k for k, word in enumerate(words) if word.startswith(f"{folder}{os.sep}")), None)
     return None if file is None or "record" not in words else words[file + 1 : -1]
 
 
-_STEADY = 60.0  # what went on for so long has not failed in a row [s]
-_LONGEST = 30.0  # pause [s]
+_STEADY = 60.0  # running time after which failures are counted from 1 again [s]
+_LONGEST = 30.0  # longest pause [s]
 
 
 @dataclass(slots=True)
 class Again:
-    """Pauses of 0, 1, 3, 7, 15 and 30 s before something begins again."""
+    """Pauses before restarts: 0, 1, 3, 7, 15 and then 30 s."""
 
     failures: int = 0  # in a row
     _begun: float = field(default_factory=time.monotonic)
 
     def begins(self) -> None:
-        """It begins now."""
+        """Note a start."""
         self._begun = time.monotonic()
 
     def pause(self) -> float:
-        """It has failed now; how long to wait [s]."""
+        """Note a failure; the pause before the next start [s]."""
         self.failures = 1 + self.failures * (time.monotonic() - self._begun < _STEADY)
         return min(_LONGEST, 2.0 ** (self.failures - 1) - 1)
 
 
 def in_words(pause: float) -> str:
-    """As in " in 7 s"; "" for at once."""
+    """A pause in words, such as " in 7 s"; "" for none."""
     return f" in {pause:.0f} s" if pause else ""

@@ -27,7 +27,7 @@ from tests.tools.command.live.waiting import until
 
 OPTIONS = ("--grid", "64", "--voxel", "0.35")
 VARYING = {"times.json", "journal.sqlite"}
-KILLED = "the mapping was killed, as where memory is short, and goes on from the last key scan"
+KILLED = "the mapping was killed, perhaps for lack of memory, and goes on from the last key scan"
 
 pytestmark = pytest.mark.timeout(600)
 

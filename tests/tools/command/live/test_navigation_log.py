@@ -75,7 +75,7 @@ def test_silence_is_said_and_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyP
         assert f"--nmea 0.0.0.0:{port}" in log.said[0]
         send(GOOD, (LOOPBACK, port))
         until(lambda: len(log.said) > 1)
-        assert "comes again" in log.said[1]
+        assert "resolved" in log.said[1]
 
 
 class Line:
@@ -122,7 +122,7 @@ def test_a_device_that_was_unplugged_is_opened_again(tmp_path: Path, line: Line)
             assert f"{line.path} has gone" in log.said[-1]
             line.plug()
             until(lambda count=count: len(log.said) == 2 * count)
-            assert "comes again" in log.said[-1]
+            assert "resolved" in log.said[-1]
     assert (tmp_path / NAME).read_bytes() == 3 * GOOD[0]
 
 
