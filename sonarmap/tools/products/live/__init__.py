@@ -1,6 +1,6 @@
-"""The page of `sonarmap live`: what is mapped so far, in a browser, while the vehicle dives.
+"""The page of `sonarmap live`, which shows the growing map in a browser.
 
-In: messages that the mapping publishes (`messages.py`). Out: a page and its WebSocket (`server.py`), which gives every
-browser what it still lacks. No file is served: the page is joined once from the scripts here and the report's, in one
-scope. `view.js` holds what was received and draws it, `live.js` shows the plan and the rest.
+In: messages that the mapping publishes (`messages.py`). Out: a page and its WebSocket (`server.py`), which sends each
+browser the messages that it does not have yet. No file is served: the page is joined once from the scripts here and the
+report's, in one scope. `view.js` keeps what was received and draws it, `live.js` shows the plan and the rest.
 """

@@ -1,6 +1,6 @@
-"""What the mapping says to the page: points and poses, how the dive goes, and what a browser still lacks.
+"""Messages from the mapping to the page: points, poses, coverage and the state of the dive.
 
-Each message has a name, under which it replaces the one before. Texts are JSON, bytes little-endian numbers.
+Each message has a name and replaces the previous one of that name. Texts are JSON, bytes little-endian numbers.
 """
 
 import json
@@ -19,35 +19,35 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.counted import counted
 
-Message = tuple[str, str | bytes]
-CLOUD, LAST = 1, 2  # first byte of points
+Message = tuple[str, str | bytes]  # name and content
+CLOUD, LAST = 1, 2  # first byte of points: of a key scan, of the last scan
 HEADER = 12  # bytes before the coordinates
-RESET: Message = ("reset", '{"kind":"reset"}')  # mapping began anew: forget everything
+RESET: Message = ("reset", '{"kind":"reset"}')  # the mapping was restarted: forget all messages
 BLOCK = 64  # key scans whose poses are sent together
-_QUANTUM = 0.001  # of coordinates, unless a point is too far for it [m]
-_FARTHEST = 32767  # quanta
+_QUANTUM = 0.001  # resolution of coordinates [m], coarser if a point is too far for it
+_FARTHEST = 32767  # largest coordinate [quanta]
 Status = Literal["waiting", "recording", "placed", "uncertain", "lost", "ended"]
-_SILENT, _LATE = 3.0, 1.0  # [s] that are worth a word
-_MANY = 256  # scans that wait in memory at most
-AT_ONCE = 16  # binary messages between two looks at the texts
-_SEEN = (  # color, words: of kinds 1 to 4
+_SILENT, _LATE = 3.0, 1.0  # silence and delay of the mapping that the sentence mentions [s]
+_MANY = 256  # largest number of scans that wait in memory
+AT_ONCE = 16  # binary messages that are sent before new texts
+_SEEN = (  # color and legend of the classes 1 to 4 of cells
     ("#0072b2", "4 times or more"),
     ("#56b4e9", "2 or 3 times"),
     ("#e69f00", "once"),
     ("#d55e00", "holes, never seen"),
 )
-_LEAST_HOLE = 4  # cells: smaller gaps lie between beams
-_MOST_ACROSS = 1000  # cells; beyond it they are made coarser
-_STRAY = 0.001  # share of the cells at each side that may lie far out
+_LEAST_HOLE = 4  # cells; smaller gaps lie between beams
+_MOST_ACROSS = 1000  # cells along an axis; beyond it they are made coarser
+_STRAY = 0.001  # share of the cells at each side that are left out as stray
 
 
 def seven(T: RigidTransform) -> list[float]:
-    """x, y, z [m] and the quaternion x, y, z, w, as the page takes them."""
+    """x, y, z [m] and the quaternion x, y, z, w, rounded."""
     return [*T.translation.round(4).tolist(), *T.rotation.as_quat().round(7).tolist()]
 
 
 def poses(first: int, parts: Sequence[int], T_part_sensor: Sequence[RigidTransform]) -> Iterator[Message]:
-    """Of all key scans, those from `first` on in blocks that have changed."""
+    """Poses of the key scans from `first` on, in whole blocks of `BLOCK`."""
     for begin in range(first - first % BLOCK, len(parts), BLOCK):
         block = zip(parts[begin : begin + BLOCK], T_part_sensor[begin : begin + BLOCK], strict=True)
         yield f"poses {begin}", _text(kind="poses", first=begin, poses=[[part, *seven(T)] for part, T in block])
@@ -78,27 +78,27 @@ def _text(**content: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What there is to say; poses and places are in the frame of a part of the map."""
+    """State of the dive; poses and positions are in the frame of a part of the map."""
 
     status: Status = "waiting"
     scans: int = 0
     placed: int = 0
     keys: int = 0
     loops: int = 0
-    parts: int = 0  # that are not joined
-    alone: bool = False  # whether the vehicle is in another part than most of the map
-    behind: int = 0  # scans that wait
-    late: float = 0.0  # how long ago the last placed scan was taken, as far as later ones have come [s]
-    missing: int = 0  # shots that did not come
-    silent: float = 0.0  # how long nothing has come [s]
+    parts: int = 0  # of the map, not joined by any registration
+    alone: bool = False  # whether the vehicle is in another part than the largest
+    behind: int = 0  # number of waiting scans
+    late: float = 0.0  # time from the last placed scan to the last received one [s]
+    missing: int = 0  # missing shots
+    silent: float = 0.0  # time since the last scan came [s]
     lost_for: float | None = None  # [s]
-    sigma: float = 0.0  # of the vehicle's place [m]; 0 where it is not known
-    part: int = 0  # in which the vehicle is
-    own: int = 0  # the number of the dive's first key scan: those before are of a finished map
+    sigma: float = 0.0  # standard deviation of the vehicle's position [m]; 0 if unknown
+    part: int = 0  # the vehicle's part of the map
+    own: int = 0  # number of the dive's first key scan; earlier ones are of a finished map
     stamp: float | None = None  # of the last placed scan [s]
-    pose: list[float] | None = None  # of the vehicle then: x, y, z [m] and the quaternion x, y, z, w
-    half_axes: list[list[float]] | None = None  # three, of the ellipsoid of a standard deviation about it [m]
-    sure: tuple[int, list[float]] | None = None  # the part and the place where it was last sure [m]
+    pose: list[float] | None = None  # of the vehicle at `stamp`: x, y, z [m] and the quaternion x, y, z, w
+    half_axes: list[list[float]] | None = None  # three vectors of the one-sigma ellipsoid of its position [m]
+    sure: tuple[int, list[float]] | None = None  # part and position at which the vehicle was last not lost [m]
     depth: float | None = None  # below the start [m]
     speed: float | None = None  # [m/s]
     turn_rate: float | None = None  # positive to the left [deg/s]
@@ -106,7 +106,7 @@ class State:
 
     @property
     def sentence(self) -> str:
-        """The status, and what is known."""
+        """The state in words."""
         first = {
             "waiting": "Waiting for scans",
             "recording": "The recording goes on, and the mapping begins again",
@@ -117,7 +117,7 @@ class State:
         }[self.status]
         rest = [f"{self.placed:,} of {self.scans:,} scans placed", counted(self.loops, "loop")]
         if self.parts > 1:
-            rest.append(f"{self.parts} parts that nothing joins yet")
+            rest.append(f"{self.parts} parts that are not joined yet")
         if self.missing:
             rest.append(f"{counted(self.missing, 'shot')} missing")
         if self.late > _LATE:
@@ -129,7 +129,7 @@ class State:
 
     @property
     def message(self) -> str:
-        """As JSON."""
+        """The state in JSON."""
         return json.dumps({"kind": "state", "sentence": self.sentence, **asdict(self)}, allow_nan=False)
 
     def _where_to_go(self) -> str:
@@ -143,15 +143,15 @@ def _length(meters: float) -> str:
 
 
 class Kept:
-    """Messages by their names. Every method may be called from any thread."""
+    """The latest message of each name. Its methods may be called from any thread."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._changes = 0
-        self._latest: dict[str, tuple[int, str | bytes]] = {}  # with the number of its change, which ascends
+        self._latest: dict[str, tuple[int, str | bytes]] = {}  # name -> number of the change, and content
 
     def add(self, message: Message) -> None:
-        """Keep a message in place of the one that has its name; one that is the same is no news."""
+        """Keep a message, which replaces the one of its name; an equal message changes nothing."""
         name, content = message
         with self._lock:
             if message == RESET:
@@ -163,23 +163,23 @@ class Kept:
             self._latest[name] = self._changes, content
 
     def after(self, reached: dict[type, int]) -> list[str | bytes]:
-        """The next messages for a browser, texts first, and none if it has everything. `reached` is what it has, the
-        last change among its texts and among its bytes; it is moved on."""
+        """The next messages for a browser, texts first; empty if it has them all. `reached` holds the number of the
+        last change that it has of each type, str and bytes, and is updated."""
         with self._lock:
             new = [(at, content) for at, content in self._latest.values() if at > reached.get(type(content), 0)]
-        texts = [each for each in new if isinstance(each[1], str)]
-        sent = texts + [each for each in new if isinstance(each[1], bytes)][:AT_ONCE]
+        texts = [change for change in new if isinstance(change[1], str)]
+        sent = texts + [change for change in new if isinstance(change[1], bytes)][:AT_ONCE]
         reached.update({type(content): at for at, content in sent})
         return [content for _, content in sent]
 
 
 def coverage(seen: Sequence[np.ndarray], cell: float, part: int) -> Message:
-    """How often the plan of a part was seen.
+    """A picture of the number of key scans that saw each cell of a part's plan.
 
     Args:
-        seen: of each of its key scans the points, (n, 2) [m, the part's frame].
+        seen: points of each key scan of the part, (n, 2) [m, the part's frame].
         cell: edge of a cell [m].
-        part: its number.
+        part: number of the part.
     """
     counts, corner, cell = _counted(seen, cell)
     kinds = np.select([counts >= 4, counts >= 2, counts == 1, _holes(counts == 0)], [1, 2, 3, 4]).astype(np.uint8)
@@ -195,7 +195,7 @@ def coverage(seen: Sequence[np.ndarray], cell: float, part: int) -> Message:
 
 
 def _counted(seen: Sequence[np.ndarray], cell: float) -> tuple[np.ndarray, list[float], float]:
-    """Counts (height, width) row by row from the smallest y on, the smallest x and y [m], and the edge of a cell."""
+    """Key scans per cell (height, width), in rows of ascending y; the smallest x and y [m]; the edge of a cell [m]."""
     cells = np.concatenate([_cells(points, cell) for points in seen])
     if not len(cells):
         return np.zeros((1, 1), int), [0.0, 0.0], cell
@@ -209,13 +209,13 @@ def _counted(seen: Sequence[np.ndarray], cell: float) -> tuple[np.ndarray, list[
 
 
 def _cells(points: np.ndarray, cell: float) -> np.ndarray:
-    """(n, 2) those in which a scan has points; a single one may be a stray echo."""
+    """(n, 2) int, cells in which a scan has more than one point, as a single one may be a stray echo."""
     cells, counts = np.unique(np.floor(points / cell).astype(int), axis=0, return_counts=True)
     return cells[counts > 1]
 
 
 def _holes(empty: np.ndarray) -> np.ndarray:
-    """The cells that were never seen, but lie within what was."""
+    """Cells that were never seen, but are enclosed by seen ones."""
     inside = empty & ndimage.binary_fill_holes(~empty)
     labels = np.zeros(empty.shape, np.int32)
     ndimage.label(inside, output=labels)

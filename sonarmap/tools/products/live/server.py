@@ -1,4 +1,4 @@
-"""The page's server: `/` is the page, `/feed` the WebSocket, and everything else is refused. It reads no file."""
+"""The page's server: `/` is the page, `/feed` the WebSocket, other paths are refused. It reads no file."""
 
 import asyncio
 import logging
@@ -24,11 +24,11 @@ from sonarmap.tools.products.live.messages import Kept, Message
 from sonarmap.tools.products.report.page import REPORT_WEB, joined, part
 
 MOST_BROWSERS = 8
-LARGEST = 1024  # message from a browser, which has nothing to say [bytes]
-_PATIENCE = 20.0  # for a browser that takes nothing [s]
-_AGAIN = 1.0  # after which a server that has ended begins again [s]
+LARGEST = 1024  # largest message from a browser, which should send none [bytes]
+_PATIENCE = 20.0  # for a browser that receives nothing [s]
+_AGAIN = 1.0  # pause before a server that failed is restarted [s]
 _ADDRESS_OF = 0x8915  # SIOCGIFADDR of Linux: the address of an interface
-_FAREWELL = 2.0  # for browsers to get the end of the dive [s]
+_FAREWELL = 2.0  # for browsers to receive the end of the dive [s]
 _HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -36,7 +36,7 @@ _HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-_quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # what strangers send is no news
+_quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # requests of strangers are not logged
 OWN = "sonarmap.tools.products.live"
 _OF_REPORT = ("camera", "scene", "elements", "layers", "labels", "gestures", "controls")
 _OWN = ("view", "live")
@@ -45,8 +45,8 @@ _OWN = ("view", "live")
 class LivePage:
     """Serves the page while it is open as a context.
 
-    bind: the address to listen at; beyond this machine the page asks for a token, which is in `address`.
-    port: 0 for any that is free.
+    bind: address to listen at; if it is not a loopback address, the page requires the token in `address`.
+    port: TCP port; 0 for any that is free.
     """
 
     def __init__(self, bind: str = "127.0.0.1", port: int = 0) -> None:
@@ -62,7 +62,7 @@ class LivePage:
 
     @property
     def addresses(self) -> list[str]:
-        """All under which other computers reach the page; names of computers are known to few networks."""
+        """All URLs of the page for other computers, by IP address, as few networks resolve host names."""
         hosts = (_own_addresses() if self._bind in ("0.0.0.0", "::") else []) or [self._bind]
         token = f"?token={self._token}" if self._token else ""
         return [f"http://{f'[{host}]' if ':' in host else host}:{self._port}/{token}" for host in hosts]
@@ -86,7 +86,7 @@ class LivePage:
         self._thread.join(2 * _PATIENCE)
 
     def publish(self, message: Message) -> None:
-        """Show a message in every browser, now and to come; never waits for a browser."""
+        """Show a message in all present and future browsers, without waiting for them."""
         self._kept.add(message)
         self._call(self._wake)
 
@@ -95,16 +95,16 @@ class LivePage:
             self._loop.call_soon_threadsafe(function)
 
     def _wake(self) -> None:
-        """Have all who wait look for what is new."""
+        """Wake the feeds that wait for new messages."""
         self._news.set()
         self._news = asyncio.Event()
 
     def _run(self, started: Future[int]) -> None:
-        """Serve until the end, and again after whatever ends it before."""
+        """Serve until the end; restart the server after an error."""
         while not self._ending:
             try:
                 asyncio.run(self._serve(started))
-            except BaseException as error:  # noqa: BLE001 - at first it is for whoever waits for the start
+            except BaseException as error:  # noqa: BLE001 - `__enter__` raises it, if it is of the start
                 if not started.done():
                     return started.set_exception(error)
                 time.sleep(_AGAIN)
@@ -118,41 +118,41 @@ class LivePage:
                 started.set_result(next(iter(server.sockets)).getsockname()[1])
             await self._stop.wait()
             self._wake()
-            if left := [asyncio.ensure_future(browser.wait_closed()) for browser in server.connections]:
-                await asyncio.wait(left, timeout=_FAREWELL)
+            if closing := [asyncio.ensure_future(browser.wait_closed()) for browser in server.connections]:
+                await asyncio.wait(closing, timeout=_FAREWELL)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The page or a refusal; None for a browser that may have the feed."""
-        asked = urlsplit(request.path)
+        """The page or a refusal; None for a request that may open the feed."""
+        url = urlsplit(request.path)
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         if len(hosts) != 1 or not self._is_own(_name_of(hosts[0]), connection):
             return connection.respond(HTTPStatus.FORBIDDEN, "This page is at another address.\n")
         if self._token is not None:
-            given = parse_qs(asked.query).get("token", [""])[0]
+            given = parse_qs(url.query).get("token", [""])[0]
             if not secrets.compare_digest(given.encode("utf-8", "replace"), self._token.encode()):
                 why = "Open the address that sonarmap printed, with its token.\n"
                 return connection.respond(HTTPStatus.FORBIDDEN, why)
-        if asked.path == "/":
+        if url.path == "/":
             response = connection.respond(HTTPStatus.OK, self._page)
             del response.headers["Content-Type"]
             policy = {"Content-Type": "text/html; charset=utf-8", "Content-Security-Policy": self._policy}
             response.headers.update(_HEADERS | policy)
             return response
-        if asked.path != "/feed":
+        if url.path != "/feed":
             return connection.respond(HTTPStatus.NOT_FOUND, "There is only the page itself, at /.\n")
         if origins != [f"http://{hosts[0]}"]:
             return connection.respond(HTTPStatus.FORBIDDEN, "Only the page itself may ask for its feed.\n")
         return None
 
     def _is_own(self, name: str, connection: ServerConnection) -> bool:
-        """Whether a browser may call this host so: a page of strangers that leads here by DNS has another name. Who has
-        the token may call it by its name in any domain, as host.local."""
+        """Whether a browser may use this name for the host: a foreign page that reaches it by DNS rebinding uses
+        another. With a token, the host's own name is accepted in any domain, such as host.local."""
         reached = str(connection.local_address[0]).removeprefix("::ffff:")
         own = socket.gethostname().lower().partition(".")[0]
         return name in {self._bind.lower(), reached, "localhost"} or bool(self._token and name.partition(".")[0] == own)
 
     async def _feed(self, connection: ServerConnection) -> None:
-        """Send one browser what it lacks, as fast as it takes it."""
+        """Send a browser the messages that it does not have, as fast as it receives them."""
         if len(connection.server.connections) > MOST_BROWSERS:
             return await connection.close(1013, f"{MOST_BROWSERS} browsers show the page already; close one")
         listening, reached = asyncio.create_task(self._listen(connection)), dict[type, int]()
@@ -172,7 +172,7 @@ class LivePage:
             listening.cancel()
 
     async def _listen(self, connection: ServerConnection) -> None:
-        """Close a connection that sends anything: the page has nothing to say."""
+        """Close a connection that sends anything, as the page sends nothing."""
         with suppress(ConnectionClosed):
             await connection.recv()
             await connection.close(1008, "nothing is expected")
@@ -186,7 +186,7 @@ def _is_loopback(bind: str) -> bool:
 
 
 def _own_addresses() -> list[str]:
-    """Of this computer's interfaces, IPv4, but for the loopback's."""
+    """IPv4 addresses of this computer's interfaces, without loopback."""
     addresses = list[str]()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking, suppress(ImportError, OSError):
         from fcntl import ioctl
