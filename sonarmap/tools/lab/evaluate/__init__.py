@@ -1,4 +1,4 @@
-"""How good a result is: trajectories, maps, pairs, uncertainties and place recognition compared with the truth.
+"""Evaluation against the truth: errors of trajectories and maps, scores of pairs, calibration of uncertainties.
 
 In: an estimate and the truth, or the summary.json of a survey. Out: errors, scores and calibrations as numbers.
 """

@@ -1,4 +1,4 @@
-"""How far a map's points lie from the true surface, and where that surface comes from."""
+"""Distances of a map's points from a reference: the true surface or a reference point cloud."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,30 +17,30 @@ Nearest = Literal["surface", "point"]
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What a map is compared with, in the frame of the true trajectory."""
+    """A surface or point cloud that a map is compared with, in the frame of the true trajectory."""
 
-    name: str  # in words
+    name: str  # description for the user
     nearest: Nearest  # "surface", exact distances to triangles, or "point", to the nearest point of a cloud
-    distance: Callable[[np.ndarray], np.ndarray]  # takes points (N, 3) [m]; their distances (N,) float64 [m]
+    distance: Callable[[np.ndarray], np.ndarray]  # maps points (N, 3) [m] to distances (N,) float64 [m]
 
 
 @dataclass(frozen=True, slots=True)
 class MapError:
-    """The distances of a map's M points from a reference."""
+    """Distances of a map's M points from a reference."""
 
-    reference: str  # in words
+    reference: str  # its description for the user
     nearest: Nearest  # what the distances are measured to, see Reference
     distance_m: np.ndarray  # (M,) float64 [m]
     voxel: float  # edge of the map's voxels [m]
 
     @property
     def median_m(self) -> float:
-        """Half of the points lie nearer than this [m]."""
+        """Median distance [m]."""
         return float(np.median(self.distance_m))
 
     @property
     def p90_m(self) -> float:
-        """90 % of the points lie nearer than this [m]."""
+        """90th percentile of the distances [m]."""
         return float(np.quantile(self.distance_m, 0.9))
 
     @property
@@ -49,7 +49,7 @@ class MapError:
         return float((self.distance_m <= self.voxel).mean())
 
     def to_json(self) -> dict[str, Any]:
-        """The three measures and what they describe."""
+        """The median, the 90th percentile, the share within a voxel, and what they refer to."""
         return {
             "reference": self.reference,
             "nearest": self.nearest,
@@ -62,13 +62,13 @@ class MapError:
 
 
 def map_error(points: np.ndarray, reference: Reference, voxel: float) -> MapError:
-    """The distance of every point (M, 3) [m] of a map, aligned with the truth, from its reference."""
+    """Compare the points (M, 3) [m] of a map, aligned with the truth, with a reference; `voxel` is the map's [m]."""
     return MapError(reference.name, reference.nearest, reference.distance(points), voxel)
 
 
 def reference_of(path: Path) -> Reference:
-    """The true surface of a simulation's folder or description.json, built again; or the points of a cloud's file.
-    Raises InputError: neither of these, or one that cannot be read."""
+    """Build the true surface of a simulation from its folder or description.json, or read the points of a cloud's file.
+    Raises InputError: the path is none of these, or cannot be read."""
     from sonarmap.tools.lab.simulate.folder import DESCRIPTION, read_settings
 
     description = path / DESCRIPTION if path.is_dir() else path
@@ -89,7 +89,7 @@ def reference_of(path: Path) -> Reference:
 
 
 def read_points(path: Path) -> np.ndarray:
-    """All finite points of a file (M, 3) float64 [m]. Raises InputError: naming the file, see `clouds_of`."""
+    """All finite points (M, 3) float64 [m] of a file. Raises InputError: there are none, or as in `clouds_of`."""
     clouds = list(clouds_of(SelectedFile(path), []))
     points = np.concatenate([np.asarray(named.cloud.points, np.float64) for named in clouds])
     points = points[np.isfinite(points).all(axis=1)]

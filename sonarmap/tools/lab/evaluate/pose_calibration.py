@@ -1,4 +1,4 @@
-"""Whether poses are as uncertain as their covariances say."""
+"""Calibration of poses: their errors compared with the uncertainty that their covariances state."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -11,32 +11,31 @@ from scipy.stats import chi2
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.geometry import twist
 
-LEVEL = 0.95  # of the ellipsoids
-# Frames differ where few positions are in their ellipsoids, and one shift of all is most of the error
-_FEW = 0.2  # share of the positions
-_APART = 5.0  # shift over the root mean square of the other errors
+LEVEL = 0.95  # probability of the confidence ellipsoids
+# The world frames differ if few true positions are in their ellipsoids and a common shift is most of the error
+_MAX_INSIDE = 0.2  # share of the positions in their ellipsoids
+_MIN_SHIFT = 5.0  # ratio of the shift to the root mean square of the remaining errors
 FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below it, any measured prior above
 
 
 @dataclass(frozen=True, slots=True)
 class PoseCalibration:
-    """The errors of N poses compared with their covariances. Poses of one graph err together, not independently."""
+    """The errors of N poses compared with their covariances. Errors of poses of the same graph are correlated."""
 
-    # "first": errors are relative to the first pose, which is left out; "world": the first pose is itself uncertain, as
-    # with priors, so nothing is aligned and both world frames are taken to be the same; "partly": the same, but what no
-    # instrument measured is aligned at the first pose
+    # "first": errors are relative to the first pose, which is left out; "world": poses are compared in the world, not
+    # aligned, as the first pose is itself uncertain (priors); "partly": likewise, but the degrees of freedom that no
+    # instrument measured are aligned at the first pose
     anchor: Literal["first", "world", "partly"]
     nees: np.ndarray  # (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right
     position_nees: np.ndarray  # (N,) the same of the position alone, 3 on average
-    # (3,) how far the truth lies from the estimate as a whole [m], and (N,) what is left of each position's error then
-    offset: np.ndarray
-    rest: np.ndarray
+    offset: np.ndarray  # (3,) mean of the true minus the estimated positions [m]
+    rest: np.ndarray  # (N,) length of each position's error after this mean is subtracted [m]
 
     @property
     def origins_differ(self) -> bool:
-        """Whether nearly all of the error is one shift, so that the two are rather not in one frame."""
-        shift, left = float(np.linalg.norm(self.offset)), float(np.sqrt((self.rest**2).mean()))
-        return self.anchor != "first" and self.position_within_95 < _FEW and shift > _APART * left
+        """Whether nearly all of the error is a common shift: both world frames probably differ."""
+        shift, remaining = float(np.linalg.norm(self.offset)), float(np.sqrt((self.rest**2).mean()))
+        return self.anchor != "first" and self.position_within_95 < _MAX_INSIDE and shift > _MIN_SHIFT * remaining
 
     @property
     def within_95(self) -> float:
@@ -49,7 +48,7 @@ class PoseCalibration:
         return float((self.position_nees <= chi2.ppf(LEVEL, 3)).mean())
 
     def to_json(self) -> dict[str, Any]:
-        """Shares and means."""
+        """The shares in the ellipsoids, the mean distances and the common shift."""
         return {
             "anchor": self.anchor,
             "poses": len(self.nees),
@@ -68,11 +67,11 @@ def calibrate_poses(
     covariances: np.ndarray,
     unmeasured: Collection[str] = (),
 ) -> PoseCalibration | None:
-    """Compare the errors of N poses with their covariances; None if there is no pose but the first, the anchor.
+    """Compare the errors of N poses with their covariances; None if the only pose is an exactly known first one.
 
-    The covariances (N, 6, 6), rotation first [rad, m], are of the tangent of SE(3), T_true = T_estimate Exp(xi), and
-    relative to the anchor, whose own is then close to zero; `unmeasured` is what instruments left open of the poses in
-    the world (`slam.graph.gauge.MEASURED`). Raises InputError: a covariance is singular.
+    The covariances (N, 6, 6), rotation first [rad, m], are of xi in T_true = T_estimate Exp(xi), the body tangent. If
+    the first is close to zero, errors are relative to the first pose. `unmeasured` names the degrees of freedom of the
+    world that no instrument measured (`slam.graph.gauge.MEASURED`). Raises InputError: a covariance is singular.
     """
     fixed = bool(np.sqrt(np.diag(covariances[0]).max()) < FIXED)
     if fixed and len(covariances) == 1:
@@ -81,19 +80,19 @@ def calibrate_poses(
         T_world_sensor, truth = (T[0].inv() * T[1:] for T in (T_world_sensor, truth))
         covariances = covariances[1:]
     else:
-        T_world_sensor = _laid_on(truth[0], T_world_sensor, unmeasured)
+        T_world_sensor = _align_first(truth[0], T_world_sensor, unmeasured)
     xi = (T_world_sensor.inv() * truth).as_exp_coords()
     return PoseCalibration(
         anchor="first" if fixed else "partly" if unmeasured else "world",
-        nees=_squared(xi, covariances),
-        position_nees=_squared(xi[:, 3:], covariances[:, 3:, 3:]),
+        nees=_squared_mahalanobis(xi, covariances),
+        position_nees=_squared_mahalanobis(xi[:, 3:], covariances[:, 3:, 3:]),
         offset=(offset := (apart := truth.translation - T_world_sensor.translation).mean(axis=0)),
         rest=np.linalg.norm(apart - offset, axis=1),
     )
 
 
-def _laid_on(first: RigidTransform, T_world_sensor: RigidTransform, unmeasured: Collection[str]) -> RigidTransform:
-    """Poses moved as a whole so that what is unmeasured of the first agrees with the true first one."""
+def _align_first(first: RigidTransform, T_world_sensor: RigidTransform, unmeasured: Collection[str]) -> RigidTransform:
+    """Poses moved as a whole so that the unmeasured degrees of freedom of the first agree with the true first pose."""
     off = first.rotation * T_world_sensor[0].rotation.inv()
     turn = Rotation.identity()
     if {"tilt_x", "tilt_y"} & set(unmeasured):
@@ -111,13 +110,13 @@ def _laid_on(first: RigidTransform, T_world_sensor: RigidTransform, unmeasured: 
     )
 
 
-def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+def _squared_mahalanobis(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     """Squared Mahalanobis distances (N,) of errors (N, D)."""
     try:
-        weighed = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
+        weighted = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError as error:
         raise InputError(
             "a pose's covariance is singular, so that its error cannot be compared with it; give the summary as "
             "`sonarmap map` wrote it, or leave it out"
         ) from error
-    return np.einsum("ni,ni->n", errors, weighed)
+    return np.einsum("ni,ni->n", errors, weighted)

@@ -1,4 +1,4 @@
-"""What a survey's summary.json and the table of pairs beside it say, and how they compare with the truth."""
+"""Evaluation of a survey from its summary.json and pairs.csv: scores of its pairs, calibration of its poses."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -21,9 +21,9 @@ from sonarmap.tools.lab.evaluate.trajectory import associate, pair_error
 
 @dataclass(frozen=True, slots=True)
 class PairScore:
-    """How many pairs were kept or rejected, and were right or wrong."""
+    """Numbers of pairs that the survey kept or rejected, and that are right or wrong."""
 
-    # kept_right, kept_wrong, rejected_right, rejected_wrong: numbers of pairs whose registration did not fail
+    # these four count the pairs whose registration did not fail
     kept_right: int
     kept_wrong: int
     rejected_right: int
@@ -33,22 +33,22 @@ class PairScore:
 
     @property
     def precision(self) -> float | None:
-        """Share of the kept that are right; None where none was kept."""
+        """Share of the kept pairs that are right; None if none was kept."""
         return _share(self.kept_right, self.kept_wrong)
 
     @property
     def recall(self) -> float | None:
-        """Share of the right that were kept; None where none was right."""
+        """Share of the right pairs that were kept; None if none was right."""
         return _share(self.kept_right, self.rejected_right)
 
     @property
     def rejected_precision(self) -> float | None:
-        """Share of the rejected that are wrong; None where none was rejected."""
+        """Share of the rejected pairs that are wrong; None if none was rejected."""
         return _share(self.rejected_wrong, self.rejected_right)
 
     @property
     def rejected_recall(self) -> float | None:
-        """Share of the wrong that were rejected; None where none was wrong."""
+        """Share of the wrong pairs that were rejected; None if none was wrong."""
         return _share(self.rejected_wrong, self.kept_wrong)
 
     def to_json(self) -> dict[str, Any]:
@@ -58,16 +58,16 @@ class PairScore:
 
 
 def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:
-    """Compare tried pairs with the truth, T_world_sensor by the scans' indices, as of `PairError.is_right`.
+    """Count the tried pairs that are right by `PairError.is_right`; `truth` holds T_world_sensor by index of the scan.
 
-    Recall is among the pairs that were tried. The voxel is that of their registration [m].
+    Recall is over the tried pairs only. `voxel` is the edge of the voxels of their registration [m].
     """
     counts = Counter(_outcome(pair, truth, voxel) for pair in pairs)
     return PairScore(*(counts[field.name] for field in fields(PairScore)))
 
 
 def _outcome(pair: TriedPair, truth: Mapping[int, RigidTransform], voxel: float) -> str:
-    """The field of PairScore that counts the pair."""
+    """Name of the field of PairScore that counts the pair."""
     if pair.T_target_source is None:
         return "failed"
     if pair.target not in truth or pair.source not in truth:
@@ -82,15 +82,15 @@ def _share(part: int, rest: int) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class SurveySummary:
-    """What a summary.json says of its survey."""
+    """The contents of a summary.json and its pairs.csv that an evaluation needs."""
 
-    stamps: np.ndarray  # (N,) float64 [s], of its scans
+    stamps: np.ndarray  # (N,) float64 [s], of the scans
     components: tuple[tuple[int, ...], ...]  # indices of each component's scans, ascending
-    # of each component that instruments place in the world, what none of them measured (`slam.graph.gauge.MEASURED`);
-    # empty for the others
+    # degrees of freedom that no instrument measured (`slam.graph.gauge.MEASURED`), of each component that instruments
+    # place in the world; empty for other components
     unmeasured: tuple[tuple[str, ...], ...]
     # (N, 6, 6) of the poses relative to the first pose of their component, rotation first [rad, m], body tangent; None
-    # where a scan has none
+    # if any scan lacks one
     covariances: np.ndarray | None
     pairs: tuple[TriedPair, ...]  # all pairs that were tried
     voxel: float  # edge of the voxels on which pairs were registered [m]
@@ -101,7 +101,7 @@ Matrix = list[list[float]]
 
 
 class _Finite(BaseModel, allow_inf_nan=False):
-    """Text is a number too, as "nan" would be."""
+    """Refuses "nan" and "inf", which pydantic accepts as numbers even if they are text."""
 
 
 class _Scan(_Finite):
@@ -139,13 +139,13 @@ class _Summary(_Finite):
 
 
 def read_summary(path: Path) -> SurveySummary:
-    """Read what an evaluation needs of a summary.json of `sonarmap map` and the pairs.csv beside it.
+    """Read the summary.json of `sonarmap map` and the pairs.csv beside it.
 
-    Raises InputError: a file is missing or damaged, the first is no summary of a survey, the other is of another map.
+    Raises InputError: a file is missing or damaged, is no summary of a survey, or belongs to another map.
     """
     content = read_json(path, "the summary.json of `sonarmap map`")
     if isinstance(content, dict) and isinstance(content.get("pairs"), list):
-        raise InputError(f"{path} is of an earlier version, which had no {PAIRS}; map again into the same folder")
+        raise InputError(f"{path} was written by an earlier version, without {PAIRS}; map again into the same folder")
     try:
         summary = _Summary.model_validate(content)
         covariances = _covariances(summary.scans)
@@ -156,7 +156,7 @@ def read_summary(path: Path) -> SurveySummary:
     except ValueError as error:
         raise InputError(f"cannot read {path}: {error}; expected the summary.json of `sonarmap map`") from error
     if not summary.components:
-        raise InputError(f"{path}: it has no component; expected the summary.json of `sonarmap map`")
+        raise InputError(f"{path} has no component; expected the summary.json of `sonarmap map`")
     return SurveySummary(
         stamps=np.array([scan.stamp for scan in summary.scans], np.float64),
         components=tuple(tuple(component.scans) for component in summary.components),
@@ -172,18 +172,17 @@ def _tried_pairs(path: Path, summary: _Summary) -> tuple[TriedPair, ...]:
     """The pairs of the table beside the summary."""
     table = path.with_name(PAIRS)
     if not table.exists():
-        raise InputError(f"{path} needs the {PAIRS} of its map beside it, and there is none; copy it there")
+        raise InputError(f"{path} needs the {PAIRS} of its map beside it; copy it there")
     pairs = read_pairs(table, len(summary.scans))
     if len(pairs) != summary.pairs.tried:
         raise InputError(
-            f"{path} counts {summary.pairs.tried} pairs, and {table} has {len(pairs)}; give both files of one map, "
-            "whole"
+            f"{path} counts {summary.pairs.tried} pairs, and {table} has {len(pairs)}; give both files of one map"
         )
     return pairs
 
 
 def _covariances(scans: list[_Scan]) -> np.ndarray | None:
-    """(N, 6, 6), or None where a scan has none; ValueError for another shape."""
+    """(N, 6, 6), or None if a scan has none. Raises ValueError: another shape."""
     covariances = [scan.covariance for scan in scans if scan.covariance is not None]
     if not scans or len(covariances) < len(scans):
         return None
@@ -191,9 +190,9 @@ def _covariances(scans: list[_Scan]) -> np.ndarray | None:
 
 
 def score_survey(summary: SurveySummary, truth: Trajectory) -> dict[str, PairScore]:
-    """The scores of the survey's "sequential" pairs, and of its "loops", which are all others.
+    """Scores of the survey's "sequential" pairs and of all others, its "loops".
 
-    True poses belong to scans by their stamps. Raises InputError: no stamp in common.
+    Scans are matched with true poses by their stamps. Raises InputError: no stamp in common.
     """
     poses = {scan: truth.T_world_sensor[row] for scan, row in _by_scan(summary, truth).items()}
     chain = [pair for pair in summary.pairs if pair.role == CHAIN]
@@ -204,7 +203,7 @@ def score_survey(summary: SurveySummary, truth: Trajectory) -> dict[str, PairSco
 def calibrate_survey(summary: SurveySummary, estimate: Trajectory, truth: Trajectory) -> PoseCalibration | None:
     """Compare the errors of the poses of the estimate's component with their covariances.
 
-    None where there are no covariances, or no pose but the first. Raises InputError: no stamp in common, or the
+    None if there are no covariances, or only a first pose. Raises InputError: no stamp in common, or the
     component's first pose, to which the covariances are relative, is missing from the estimate or from the truth.
     """
     if summary.covariances is None:

@@ -1,4 +1,4 @@
-"""Estimates against the truth: errors of a pair, of every pose, of a whole trajectory. Pure functions.
+"""Errors of registered pairs and of trajectories against the truth.
 
 Angles in results are in degrees, and their names say so.
 """
@@ -14,11 +14,11 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 
 ARM = 1.0  # 1 rad of an orientation error weighs as much as this length [m]
-LINE_RATIO = 1e-3  # spread of positions across their main line, below which they fix no rotation about it
+LINE_RATIO = 1e-3  # positions with a smaller ratio of spread across to along their line fix no rotation about it
 
 
 def align_poses(source: RigidTransform, target: RigidTransform) -> RigidTransform:
-    """The rigid T_target_source of least squares between N corresponding poses, N >= 1.
+    """Least-squares T_target_source between N corresponding poses, N >= 1.
 
     With positions p_i, q_i and orientations P_i, Q_i of target and source it minimizes, over R and t,
 
@@ -26,7 +26,7 @@ def align_poses(source: RigidTransform, target: RigidTransform) -> RigidTransfor
 
     squared distances and squared chordal distances (about 2 angle^2; Hartley et al., DOI 10.1007/s11263-012-0601-0), in
     closed form as Umeyama's without scale (DOI 10.1109/34.88573): orientations add to the positions' correlation
-    matrix. A straight line or a single pose will do.
+    matrix. A straight line or a single pose suffices.
     """
     p, q = target.translation, source.translation
     middle_p, middle_q = p.mean(axis=0), q.mean(axis=0)
@@ -37,7 +37,7 @@ def align_poses(source: RigidTransform, target: RigidTransform) -> RigidTransfor
 
 
 def align_positions(source: np.ndarray, target: np.ndarray) -> RigidTransform:
-    """The rigid T_target_source of least squares between corresponding positions (N, 3) [m], N >= 3 (Umeyama, DOI
+    """Least-squares T_target_source between corresponding positions (N, 3) [m], N >= 3 (Umeyama, DOI
     10.1109/34.88573). Raises InputError: fewer than three positions, or positions on one line."""
     spread = [np.linalg.svd(points - points.mean(axis=0), compute_uv=False) for points in (source, target)]
     if len(source) < 3 or any(values[1] <= LINE_RATIO * values[0] for values in spread):
@@ -54,24 +54,23 @@ Alignment = Literal["poses", "positions", "first"]
 
 STAMP_TOLERANCE = 0.01  # [s]
 
-# A registration is right within these; the voxel is the one of the grid that it was computed on.
-RIGHT_DEG = 6.0
-RIGHT_VOXELS = 3.0
+RIGHT_DEG = 6.0  # largest rotation error of a right registration [degrees]
+RIGHT_VOXELS = 3.0  # largest translation error of a right registration, in voxels of its grid
 
 
 @dataclass(frozen=True, slots=True)
 class PairError:
-    """How far one transform is from the truth."""
+    """Error of an estimated transform."""
 
-    rotation_deg: float  # angle of the rotation between the two [degrees], 0..180
-    translation_m: float  # distance between their translations [m]
+    rotation_deg: float  # angle between the estimated and the true rotation [degrees], 0..180
+    translation_m: float  # distance between the translations [m]
 
     def within(self, rotation_deg: float, translation_m: float) -> bool:
-        """Whether both errors are at most these."""
+        """Whether both errors are at most the given ones."""
         return self.rotation_deg <= rotation_deg and self.translation_m <= translation_m
 
     def is_right(self, voxel: float) -> bool:
-        """Whether a registration so far off is right, on a grid of voxels of this edge [m]."""
+        """Whether a registration with this error is right, on a grid of voxels of this edge [m]."""
         return self.within(RIGHT_DEG, RIGHT_VOXELS * voxel)
 
 
@@ -81,13 +80,13 @@ class Evaluation:
 
     alignment: Alignment
     T_truth_estimate: RigidTransform  # the alignment, from the estimate's world to the truth's
-    stamps: np.ndarray  # (N,) [s], the estimate's, in time
+    stamps: np.ndarray  # (N,) [s], the estimate's, ascending
     T_aligned: RigidTransform  # N poses of the estimate after alignment, T_truth_sensor
     T_true: RigidTransform  # N poses of the truth, T_truth_sensor
     rotation_deg: np.ndarray  # (N,) error of every pose after alignment [degrees]
-    translation_m: np.ndarray  # (N,) the same of its position [m]; the ATE is their root mean square
+    translation_m: np.ndarray  # (N,) error of every position after alignment [m]; the ATE is their root mean square
     step_rotation_deg: np.ndarray  # (N - 1,) RPE: error of the motion between consecutive common poses [degrees]
-    step_translation_m: np.ndarray  # (N - 1,) the same of its translation [m]
+    step_translation_m: np.ndarray  # (N - 1,) RPE: error of the translation of that motion [m]
     unmatched_estimates: int  # number of poses of the estimate without a pose of the truth
     unmatched_truths: int  # number of poses of the truth without a pose of the estimate
 
@@ -97,7 +96,7 @@ class Evaluation:
         return _rms(self.translation_m)
 
     def to_json(self) -> dict[str, Any]:
-        """The same as JSON's types, with root mean squares, medians and maxima."""
+        """All fields in JSON types; errors as root mean square, median and maximum."""
         columns = {
             "stamp": self.stamps,
             "translation_m": self.translation_m,
@@ -124,12 +123,12 @@ class Evaluation:
         }
 
     def beyond(self, translation_m: float, rotation_deg: float) -> np.ndarray:
-        """Indices of the poses whose position is farther off than `translation_m` or turned more [degrees]."""
+        """Indices of the poses whose error exceeds `translation_m` or `rotation_deg`."""
         return np.flatnonzero((self.translation_m > translation_m) | (self.rotation_deg > rotation_deg))
 
 
 def pair_error(T_estimate: RigidTransform, T_truth: RigidTransform) -> PairError:
-    """The error of one T_target_source: the rotation's angle and the translations' distance."""
+    """Rotation and translation error of an estimated T_target_source."""
     rotation = (T_truth.rotation.inv() * T_estimate.rotation).magnitude()
     distance = np.linalg.norm(T_estimate.translation - T_truth.translation)
     return PairError(float(np.rad2deg(rotation)), float(distance))
@@ -138,9 +137,9 @@ def pair_error(T_estimate: RigidTransform, T_truth: RigidTransform) -> PairError
 def evaluate(estimate: Trajectory, truth: Trajectory, alignment: Alignment = "poses") -> Evaluation:
     """Errors of a trajectory against the truth, after one rigid alignment, without scale.
 
-    The alignment is least squares over all common "poses" or "positions", or the "first" common pose onto its truth,
-    whose error then moves and turns all others. Steps have the same errors with each. Raises InputError: no stamp in
-    common; with "positions" also where these are too few or lie on one line.
+    The alignment is least squares over all common "poses" or "positions", or maps the "first" common pose onto its
+    truth, so that the error of that pose shifts and turns all others. Errors of steps do not depend on it. Raises
+    InputError: no stamp in common; with "positions", too few of them or all on one line.
     """
     estimate_rows, truth_rows = associate(estimate.stamps, truth.stamps)
     estimated, true = estimate.T_world_sensor[estimate_rows], truth.T_world_sensor[truth_rows]
@@ -174,12 +173,12 @@ def evaluate(estimate: Trajectory, truth: Trajectory, alignment: Alignment = "po
 def associate(
     estimate: np.ndarray, truth: np.ndarray, tolerance: float = STAMP_TOLERANCE
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (K,) of stamps (M,) and (N,) [s] that belong together, in the order of the estimate's stamps.
+    """Indices (K,), (K,) of the matching stamps of (M,) and (N,) [s], in the order of the estimate's stamps.
 
-    Closest pairs first, each stamp once. Raises InputError: no two stamps lie within the tolerance [s].
+    The closest stamps match first, each once. Raises InputError: no two stamps lie within the tolerance [s].
     """
     trees = (KDTree(stamps[:, None]) for stamps in (estimate, truth))
-    # the trees' search rounds; the tolerance itself is applied to what it gives
+    # the search rounds distances: it goes a little farther, and the exact tolerance is applied afterwards
     near = next(trees).sparse_distance_matrix(next(trees), 1.01 * tolerance + 1e-6, p=1, output_type="ndarray")
     near = near[near["v"] <= tolerance]
     pairs: dict[int, int] = {}
@@ -212,7 +211,7 @@ def _rms(errors: np.ndarray) -> float:
 
 
 def _statistics(errors: np.ndarray) -> dict[str, float] | None:
-    """Of N errors, or None where there is none (the steps of a single pose)."""
+    """Statistics of N errors; None without errors (the steps of a single pose)."""
     if len(errors) == 0:
         return None
     return {"rms": _rms(errors), "median": float(np.median(errors)), "max": float(errors.max())}
