@@ -1,4 +1,4 @@
-"""A simulation as a folder: scan_000.ply and on, truth.tum, description.json."""
+"""The folder of a simulation: scan_000.ply, scan_001.ply, ..., truth.tum and description.json."""
 
 from pathlib import Path
 
@@ -25,13 +25,13 @@ def write_simulation(
     fixes: Fixes | None = None,
     drift: tuple[float, float] | None = None,
 ) -> list[Path]:
-    """Write the scans, the truth and the description; the paths written.
+    """Write the scans, the truth and the description, and return their paths.
 
-    Written again, the same settings give the same bytes (on another processor the last digits may differ). Under
-    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one. With `instruments`
-    their measurements are written as priors.csv, with positions as `fixes` has them (None: on every scan, none of them
-    wrong); with `drift`, the share of the way and the rotation [rad/s], dead reckoning as odometry.tum. Raises
-    InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
+    The same settings give the same bytes (on another processor the last digits may differ). For each scan the
+    description holds "unusable": "empty", "noise", or null for a good one. With `instruments` their measurements are
+    written as priors.csv; `fixes` says which scans have a position (None: all, without outliers). With `drift`, a share
+    of the distance and a rotation [rad/s], dead reckoning is written as odometry.tum. Raises InputError: the folder
+    cannot be written, or holds scans or priors that are not part of this simulation.
     """
     folder = Path(folder)
     paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]
@@ -84,8 +84,8 @@ def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> Non
 
 
 def read_settings(path: Path) -> SimulationSettings:
-    """The settings of a description.json, from which `simulate` makes the same scans. Raises InputError: no such file,
-    no JSON, no settings in it, or settings that cannot be used."""
+    """Read the settings of a description.json, from which `simulate` makes the same scans. Raises InputError: the file
+    is missing, is not JSON, or has no valid settings."""
     content = read_json(path, "the description.json of a simulation")
     if not isinstance(content, dict) or "settings" not in content:
         raise InputError(f"{path} holds no settings; expected the description.json of a simulation")

@@ -1,4 +1,4 @@
-"""Settings that suit a scene and a trajectory: its sensor, and spacing and noise in keeping with its size."""
+"""Default settings for a scene and a trajectory: the sensor, and spacing and noise in proportion to its size."""
 
 import math
 from dataclasses import replace
@@ -22,23 +22,23 @@ from sonarmap.tools.lab.simulate.trajectories import (
     table1_transform,
 )
 
-SPACED = ("survey", "lawnmower")  # the trajectories with a spacing to choose
+SPACED = ("survey", "lawnmower")  # trajectories with a spacing
 LAWNMOWER_COUNT = 200
 TABLE1_SENSOR: Sensor = replace(PAPER, tilt=float(np.deg2rad(30.0)))
 
 
 def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed: int = 0) -> SimulationSettings:
-    """Settings that suit a scene, so that only the scene need be chosen; without a `sensor`, the one that suits it.
+    """Default settings for a scene and a trajectory; `sensor` defaults to the one that suits the scene.
 
-    The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one or with a sensor that sees less far than
-    the scene's; the standard deviation of the range is 1 m at 120 m, and in proportion for a sensor of shorter range. A
-    loop has as many scans as that spacing asks for. Raises InputError: an unknown name, or a sensor for Table 1, which
-    has its own.
+    The spacing is 9 m in a scene of 256 m, and proportionally less in a smaller scene or with a sensor of shorter range
+    than the scene's. The standard deviation of the range is 1 m at 120 m, and proportionally less for a sensor of
+    shorter range. The number of scans of a loop follows from the spacing. Raises InputError: an unknown name, or a
+    sensor for the trajectory table1, which has its own.
     """
     kind = scene_kind(scene)
     if trajectory == "table1":
         if sensor is not None:
-            raise InputError("the trajectory table1 has the paper's sensor, tilted as there; leave the sensor out")
+            raise InputError("the trajectory table1 has the paper's own sensor; leave the sensor out")
         return table1_settings(seed, 1.0, scene)
     chosen = kind.sensor if sensor is None else sensor
     if chosen not in SENSORS:
@@ -51,19 +51,19 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
 
 
 def louder(settings: SimulationSettings, factor: float) -> SimulationSettings:
-    """The same with `factor` times the standard deviation of the ranges' noise."""
+    """The same settings with `factor` times the standard deviation of the ranges."""
     return replace(settings, noise=replace(settings.noise, sigma2=settings.noise.sigma2 * factor**2))
 
 
 def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
-    """The simulation that writes the reference scan and S0..S9, eleven scans, with the paper's noise."""
+    """Settings for the reference scan and S0..S9 of Table 1, eleven scans, with the paper's noise."""
     return SimulationSettings(
         scene, "table1", TABLE1_COUNT + 1, sensor=TABLE1_SENSOR, noise=Noise(sigma2=sigma2), seed=seed
     )
 
 
 def _spacing(scene: str, sensor: Sensor) -> float:
-    """Between scans [m]."""
+    """Default distance between scans [m]."""
     kind = scene_kind(scene)
     usual = SENSORS[kind.sensor].max_range
     return SPACING * (kind.scale if sensor.max_range >= usual else min(kind.scale, sensor.max_range / usual))

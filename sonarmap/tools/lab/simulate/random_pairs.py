@@ -1,4 +1,4 @@
-"""Random pairs of scans, with a wanted overlap or with nothing in common, and sets of them, the same for a seed."""
+"""Random pairs of scans with a given overlap or with nothing in common, and reproducible sets of such pairs."""
 
 import math
 from collections.abc import Callable
@@ -18,31 +18,31 @@ from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
 from sonarmap.tools.lab.simulate.viewpoints import TRIES, Observer, View, aside, attitude, first_view
 
 Turn = Literal["view", "yaw", "any"]
-POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
+POSE_TILT = math.radians(10.0)  # largest roll and pitch of a vessel [rad]
 
 
 @dataclass(frozen=True, slots=True)
 class FrameTurn:
-    """What is drawn of a pair's relative rotation before its poses are."""
+    """Random part of a pair's relative rotation, drawn before its poses."""
 
-    # "view": the frame is the sensor's own. "yaw": it is turned about z by any angle, and tilted, so that roll and
-    # pitch of R_target_frame are those below. "any": R_target_frame is `R`.
+    # "view": the source's frame is its sensor's. "yaw": it is turned about z by any angle and tilted, so that
+    # R_target_frame has the roll and pitch below. "any": R_target_frame is `R`.
     turn: Turn
-    about_z: float  # by how much the frame is turned about its z, -pi..pi [rad]
+    about_z: float  # rotation of the frame about its z axis, -pi..pi [rad]
     pitch: float  # of R_target_frame = Rz(yaw) Ry(pitch) Rx(roll) [rad]
-    roll: float  # of the same [rad]
+    roll: float  # likewise [rad]
     R: Rotation  # uniform on SO(3)
 
     def R_target_sensor(self, aside: float, share: float) -> Rotation:
-        """The attitude of a source whose view differs by `aside` [rad] about z, and by a `share` of the tilt, 0..1.
+        """Attitude of a source sensor whose view is turned by `aside` [rad] about z and by a `share` of the tilt, 0..1.
 
-        With all of it the source's frame is its sensor's, turned about z.
+        With a share of 1 the source's frame is its sensor's, turned about z.
         """
         tilted = Rotation.from_euler("ZYX", (aside + self.about_z, share * self.pitch, share * self.roll))
         return tilted * Rotation.from_euler("z", -self.about_z)
 
     def R_target_frame(self, R_target_sensor: Rotation) -> Rotation:
-        """The attitude of the source's frame, whatever that of its sensor."""
+        """Attitude of the source's frame, given that of its sensor."""
         if self.turn == "view":
             return R_target_sensor
         if self.turn == "any":
@@ -53,15 +53,15 @@ class FrameTurn:
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """How the source's frame may be turned against the target's."""
+    """Bounds of the random rotation between the frames of a pair."""
 
-    # "view": it is its sensor's own, whose view is turned by up to 60 degrees. "yaw": besides the difference of view
-    # the frame is turned about its own z by any angle, as that of a sonar mounted otherwise. As much of the tilt as the
-    # overlap allows is the sensor's, the rest its mounting's. The smaller the overlap, the farther the source is moved
-    # and turned aside. "any": R_target_source is uniform on SO(3); places and views are those of "yaw".
+    # "view": the source's frame is its sensor's, whose view is turned by up to 60 degrees. "yaw": the frame is also
+    # turned about its z axis by any angle, as if the sonar were mounted differently. As much of the tilt as the overlap
+    # allows is the sensor's, the rest the mounting's. The smaller the overlap, the farther the source is moved and
+    # turned away. "any": R_target_source is uniform on SO(3); positions and views are those of "yaw".
     kind: Turn = "view"
-    # largest roll and pitch of either pose [rad]; with "yaw" of R_target_source = Rz(yaw) Ry(pitch) Rx(roll), over
-    # which they are spread evenly
+    # largest roll and pitch of either pose [rad]; with "yaw" those of R_target_source = Rz(yaw) Ry(pitch) Rx(roll),
+    # which are uniform up to it
     max_tilt: float = POSE_TILT
 
 
@@ -69,22 +69,22 @@ LITTLE_TURNED = Turning()
 
 
 def draw_turn(turning: Turning, rng: np.random.Generator) -> FrameTurn:
-    """A frame's turn, its roll and pitch uniform up to the largest tilt."""
+    """Draw a frame's rotation, its roll and pitch uniform up to the largest tilt."""
     about_z = rng.uniform(-np.pi, np.pi)
     pitch, roll = rng.uniform(-turning.max_tilt, turning.max_tilt, 2)
-    # a normal vector of four numbers points anywhere evenly, and so does its unit quaternion
+    # four normal numbers have a uniform direction, and so a uniform unit quaternion
     return FrameTurn(turning.kind, about_z, pitch, roll, Rotation.from_quat(rng.standard_normal(4)))
 
 
 NOISELESS = Noise()
-PLACES = 8  # of the target, before a pair is given up
-# The scenes that unrelated pairs are drawn from, in this order: it decides which pair a seed is. Open beds are not
-# among them: two of them look the same whatever their seeds
+PLACES = 8  # targets that are tried before a pair is given up
+# Scenes of unrelated pairs; their order determines the pair of a seed. Open beds are left out, as two of them look the
+# same for any seeds
 STRANGERS = ("floodgate", "harbor", "clutter", "ship", "pool", "manifold", "bridge", "wreck")
-# Those of them whose plan another seed draws anew, so that two of them have nothing in common
+# Those whose whole plan depends on the seed, so that two of the same name have nothing in common
 DRAWN = ("clutter", "bridge", "wreck")
 
-# Of a nearby source, from the target, in shares of the sensor's maximum range
+# Largest distance of a nearby source from the target along x, y and z, in shares of the sensor's maximum range
 REACH = (1 / 3, 1 / 3, 1 / 24)
 
 
@@ -99,9 +99,9 @@ def random_pair(
     """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`: target Scan, source
     Scan and T_target_source between their frames, whose origins are the viewpoints.
 
-    The overlap is the share of the points within 2 m of the other scan, the smaller of both ways; in a smaller scene
-    the radius is smaller by the same factor. The seed decides the scene, the poses and the noise. Without a sensor, the
-    bare fan of the one that suits the scene is taken. Raises InputError: no such pair from 8 places.
+    The overlap is the share of the points within 2 m of the other scan, the smaller of both directions; in a smaller
+    scene the radius is smaller by the same factor. The seed decides the scene, the poses and the noise. `sensor`
+    defaults to the bare fan of the one that suits the scene. Raises InputError: no such pair for any of 8 targets.
     """
     observer = _observer(scene, seed, sensor)
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
@@ -120,9 +120,9 @@ def random_pair(
 
 
 def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str) -> tuple[Scan, Scan]:
-    """Two scans that share nothing, target and source: of `scene` and another scene of its size, by the same sensor.
+    """Two scans with nothing in common, target and source: of `scene` and of another one of its size, by one sensor.
 
-    The other is of another kind, or of the same kind if a seed draws its whole plan. The source's frame is turned as
+    The other has another name, or the same one if its whole plan depends on the seed. The source's frame is turned as
     random_pair's with the turn "yaw" and tilted by up to `max_tilt` [rad]. Raises InputError: no scene of that name, or
     one without a clear place.
     """
@@ -140,7 +140,7 @@ def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str) -> tupl
 
 
 def unrelated_scenes(scene: str) -> tuple[str, ...]:
-    """Those of STRANGERS of about the size of `scene` that, built from another seed, have nothing in common with it."""
+    """Scenes of the size of `scene` that, built from another seed, have nothing in common with it."""
     sensor = scene_kind(scene).sensor
     return tuple(name for name in STRANGERS if SCENE_KINDS[name].sensor == sensor and (name != scene or name in DRAWN))
 
@@ -153,7 +153,7 @@ def _observer(scene: str, seed: int, sensor: Sensor | None = None) -> Observer:
 def _views(
     observer: Observer, overlaps: tuple[float, float], frame: FrameTurn, max_tilt: float, rng: np.random.Generator
 ) -> tuple[View, View]:
-    """Of the target, from the first place that has one, and of the source."""
+    """The view of the first target for which a source with the wanted overlap is found, and the source's view."""
     tilt = max_tilt if frame.turn == "view" else POSE_TILT
     for _ in range(PLACES):
         target = first_view(observer, tilt, rng)
@@ -162,9 +162,9 @@ def _views(
             poses = partial(_nearby, observer, target, max_tilt, rng)
         else:
             poses = partial(_aside, observer, target, overlaps, frame, rng)
-        found = observer.find_partner(target, overlaps, poses)
-        if found is not None:
-            return target, found[0]
+        match = observer.find_partner(target, overlaps, poses)
+        if match is not None:
+            return target, match[0]
     raise InputError(
         f"no pose in {observer.world.name} has an overlap within {overlaps[0]:g} to {overlaps[1]:g} with one of "
         f"{PLACES} targets, {TRIES} tried for each; widen the range or take another seed"
@@ -172,7 +172,7 @@ def _views(
 
 
 def _nearby(observer: Observer, target: View, max_tilt: float, rng: np.random.Generator) -> RigidTransform:
-    """T_world_sensor not far from the target's, turned by up to 60 degrees."""
+    """Draw T_world_sensor near the target's, turned by up to 60 degrees."""
     heading = target.T_world_sensor.rotation.as_euler("ZYX")[0]
     place = target.T_world_sensor.translation + observer.sensor.max_range * rng.uniform(-1, 1, 3) * REACH
     yaw = heading + rng.uniform(-np.pi / 3, np.pi / 3)
@@ -182,7 +182,7 @@ def _nearby(observer: Observer, target: View, max_tilt: float, rng: np.random.Ge
 def _aside(
     observer: Observer, target: View, overlaps: tuple[float, float], frame: FrameTurn, rng: np.random.Generator
 ) -> RigidTransform:
-    """T_world_sensor moved and turned aside, the farther the less is to be shared; within the scene."""
+    """Draw T_world_sensor within the scene, farther from the target and turned more for a smaller overlap."""
     place, turned = aside(observer, target, overlaps, rng)
     R_target_sensor = frame.R_target_sensor(turned, rng.random())
     return RigidTransform.from_components(place, target.T_world_sensor.rotation * R_target_sensor)
@@ -203,11 +203,11 @@ def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:
     return replace(scan, points=points, viewpoints=R_frame_sensor.apply(scan.viewpoints).astype(np.float32))
 
 
-# Sets of pairs to evaluate a registration on, without an end: 15 pairs of each scene in a row meet every range of
-# overlap with every noise. The order decides what pair n is: a new scene is appended, and makes another set.
+# Endless sets of pairs for the evaluation of a registration: 15 successive pairs of a scene combine every range of
+# overlap with every noise. The order determines pair n: a new scene, which goes to the end, makes another set.
 SET_SCENES = ("floodgate", "pool", "bridge", "harbor", "manifold", "wreck", "clutter", "ship")
 SET_OVERLAPS = ((0.05, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
-SET_SIGMA2 = (0.0, 1.0, 2.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2]
+SET_SIGMA2 = (0.0, 1.0, 2.0)  # variances of the range at the sensor's maximum range in a scene of 256 m [m^2]
 SET_TILT = math.radians(35.0)  # largest roll and pitch of the pairs with the turn "yaw"
 
 OUTLIERS, DROPOUTS = 0.03, 0.2
@@ -216,12 +216,12 @@ GHOSTS, SPECKLE = 0.02, 1.0  # as in a simulated survey
 
 @dataclass(frozen=True, slots=True)
 class EvaluationPair:
-    """One pair of a set, before it is simulated."""
+    """A pair of a set, not yet simulated."""
 
-    number: int  # which of the set
+    number: int  # of the pair in the set
     scene: str  # a key of SCENE_KINDS
-    overlaps: tuple[float, float]  # least and greatest share of the points in common, as random_pair takes them
-    turn: Turn  # of the source's frame, as `Turning` has it
+    overlaps: tuple[float, float]  # least and greatest overlap, as in random_pair
+    turn: Turn  # of the source's frame, see `Turning`
     noise: Noise  # its sigma2 is 0, 1 or 2 m^2 times the square of the scene's scale
     seed: int  # of the scene, the poses and the noise
 
@@ -232,21 +232,21 @@ class EvaluationPair:
 
 @dataclass(frozen=True, slots=True)
 class UnrelatedPair:
-    """One pair of a set of scans that share nothing, before it is simulated."""
+    """A pair of a set of scans with nothing in common, not yet simulated."""
 
-    number: int  # which of the set
+    number: int  # of the pair in the set
     scene: str  # the target's; the source's is one of its `unrelated_scenes`, chosen by the seed
     noise: Noise  # as EvaluationPair's
     seed: int  # of the scenes, the poses and the noise
 
     def scans(self) -> tuple[Scan, Scan]:
-        """Target Scan and source Scan; no transform is true between them."""
+        """Target Scan and source Scan; there is no true transform between them."""
         return unrelated_pair(self.seed, self.noise, SET_TILT, self.scene)
 
 
 def evaluation_pair(number: int, seed: int, turn: Turn) -> EvaluationPair:
     """Pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
-    scene = _of_scenes(number, seed)
+    scene = _scene_of(number, seed)
     return EvaluationPair(
         number,
         scene,
@@ -259,11 +259,11 @@ def evaluation_pair(number: int, seed: int, turn: Turn) -> EvaluationPair:
 
 def evaluation_unrelated(number: int, seed: int) -> UnrelatedPair:
     """Unrelated pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
-    scene = _of_scenes(number, seed)
+    scene = _scene_of(number, seed)
     return UnrelatedPair(number, scene, _noise(number, scene), _seed_of(number, seed, 2))
 
 
-def _of_scenes(number: int, seed: int) -> str:
+def _scene_of(number: int, seed: int) -> str:
     if number < 0 or seed < 0:
         raise InputError(f"pair {number} of the set {seed}; wanted two numbers >= 0")
     return SET_SCENES[number % len(SET_SCENES)]
@@ -274,6 +274,6 @@ def _noise(number: int, scene: str) -> Noise:
     return Noise(sigma2, OUTLIERS, DROPOUTS, GHOSTS, SPECKLE)
 
 
-def _seed_of(number: int, seed: int, what: int) -> int:
-    """A seed of 32 bits: the pairs' scenes are ones that no test and no page has met."""
-    return int(np.random.SeedSequence([seed, number, what]).generate_state(1)[0])
+def _seed_of(number: int, seed: int, stream: int) -> int:
+    """A seed of 32 bits, unlike the small seeds of other scenes."""
+    return int(np.random.SeedSequence([seed, number, stream]).generate_state(1)[0])

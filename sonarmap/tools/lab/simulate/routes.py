@@ -1,4 +1,4 @@
-"""The paths laid through each scene: closed ones to survey it, lanes to cover it, one before and behind the gate."""
+"""Paths through the scenes: closed ones for surveys, lanes that cover a scene, and one past the flood gate."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -18,17 +18,17 @@ from sonarmap.tools.lab.simulate.smooth_path import Path, lane_path, lanes, spli
 
 BEDS = ("flatbed", "sandflat", "seabed", "shallow", "rubble")
 # In a scene of 256 m
-ABOVE = 12.0  # of the sensor over the highest thing [m]
-SUBMERGED = 1.0  # at least [m]
+ABOVE = 12.0  # height of the sensor over the highest point [m]
+SUBMERGED = 1.0  # least depth of the sensor [m]
 RING = (62.0, 50.0)  # half axes of the ring [m]
-REACH = (66.0, 56.0)  # of the lanes to either side of the middle [m]
-BED_BEND = 13.0  # from where a turn between two lanes begins to its corner [m]
-CORNERS = 10  # of the ring
-NOSE_DOWN = np.deg2rad(25)  # of a sensor whose fan is level
+REACH = (66.0, 56.0)  # half extent of the lanes along x and y [m]
+BED_BEND = 13.0  # distance from a corner at which the turn between two lanes begins [m]
+CORNERS = 10  # number of corners of the ring
+NOSE_DOWN = np.deg2rad(25)  # pitch of a sensor whose fan is level [rad]
 
 
 def round_the_bed(scene: str, seed: int) -> Path:
-    """A ring whose heading is that of travel."""
+    """A ring over the bed; the sensor looks in the direction of travel."""
     angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
     places = _above(np.column_stack([RING[0] * np.cos(angle), RING[1] * np.sin(angle)]), scene, seed)
     return spline_path(np.column_stack([places, np.rad2deg(angle) + 90.0]), pitch=_pitch(scene))
@@ -41,18 +41,18 @@ def over_the_bed(scene: str, seed: int) -> Path:
 
 
 def _above(corners: np.ndarray, scene: str, seed: int) -> np.ndarray:
-    """Corners (K, 2) of a scene of 256 m in this one's size, above everything and under the water, (K, 3) [m]."""
+    """Corners (K, 2) of a scene of 256 m, scaled to this one, above everything and under water: (K, 3) [m]."""
     scale = scene_kind(scene).scale
     return _level(scale * corners, min(_top(scene, seed) + ABOVE * scale, -SUBMERGED * scale))
 
 
 def _level(corners: np.ndarray, height: float) -> np.ndarray:
-    """Corners (K, 2) at one height, (K, 3) [m]."""
+    """Corners (K, 2) raised to one height, (K, 3) [m]."""
     return np.column_stack([corners, np.full(len(corners), height)])
 
 
 def _top(scene: str, seed: int) -> float:
-    """The height of the highest thing in a scene [m]."""
+    """Height of the highest point of a scene [m]."""
     return float(build_scene(scene, seed).mesh.vertices[:, 2].max())
 
 
@@ -60,9 +60,9 @@ def _pitch(scene: str) -> float:
     return float(NOSE_DOWN) if scene_kind(scene).sensor == "sonar3d15" else 0.0
 
 
-OFF_PIERS = 34.0  # before and behind the piers with their dolphins, from the bridge's axis [m]
+OFF_PIERS = 34.0  # distance from the bridge's axis that clears the piers and their dolphins [m]
 DEPTH = -2.0  # height of the sensor [m]
-BRIDGE_BEND = 8.0  # from where a turn between two lanes begins to its corner [m]
+BRIDGE_BEND = 8.0  # as BED_BEND [m]
 
 
 def under_the_bridge(seed: int) -> Path:
@@ -86,7 +86,7 @@ def under_the_bridge(seed: int) -> Path:
 
 
 def bridge_lawnmower(seed: int) -> Path:
-    """The water above the bridge, through an opening, the water below it, and back through another."""
+    """Lanes upstream of the bridge, through an opening, lanes downstream, and back through another opening."""
     layout = bridge_layout(seed)
     there, back = layout.openings[:2]
     ends = [layout.axis_x(y) for y in (-46.0, 46.0)]
@@ -154,14 +154,12 @@ GATE_ROUTE = (
     (-96, -6, -2, 10),
 )
 
-
-# A sensor that sees less far than this is short of sight [m].
-FAR_SIGHTED = 30.0
+FAR_SIGHTED = 30.0  # least range of a sensor that need not be close to the ship [m]
 
 
 def survey_path(scene: str, seed: int, reach: float = np.inf) -> Path:
-    """The closed path of `scene`; round the ship and the manifold it follows their layout. A sensor of short `reach`,
-    its greatest range [m], goes nearer to the ship. Raises InputError: a scene without a path."""
+    """The closed path of `scene`, nearer to the ship if the sensor's maximum range, `reach` [m], is short. Raises
+    InputError: the scene has no path."""
     if scene == "ship" and reach < FAR_SIGHTED:
         return _close_round_the_ship(seed)
     return _path_of(SURVEY_PATHS, scene, "survey path")(seed)
@@ -181,14 +179,14 @@ def gate_path() -> Path:
 
 def _path_of(table: Mapping[str, Callable[[int], Path]], scene: str, what: str) -> Callable[[int], Path]:
     if scene not in table:
-        raise InputError(f"no {what} is laid through {scene!r}; there are {', '.join(table)}")
+        raise InputError(f"the scene {scene!r} has no {what}; choose one of {', '.join(table)}")
     return table[scene]
 
 
 def _ring(
     radii: tuple[float, float], heights: tuple[float, float], heading: float, middle: ArrayLike, pitch: float = 0.0
 ) -> Path:
-    """An ellipse about `middle` (2,) that looks inward, up and down between two heights [m], turned to `heading`."""
+    """An ellipse about `middle` (2,), turned by `heading` [rad], its height varying between two; it looks inward."""
     angle = 2 * np.pi * np.arange(10) / 10
     x, y = radii[0] * np.cos(angle), radii[1] * np.sin(angle)
     z = np.mean(heights) + 0.5 * np.ptp(heights) * np.sin(2 * angle)
@@ -197,7 +195,7 @@ def _ring(
 
 
 def _moved(x: np.ndarray, y: np.ndarray, heading: float, middle: ArrayLike) -> np.ndarray:
-    """Places (K, 2) of a thing's frame in the scene's."""
+    """Points (K, 2) of a frame at `middle`, turned by `heading` [rad], in the scene's frame."""
     c, s = np.cos(heading), np.sin(heading)
     return np.column_stack([c * x - s * y, s * x + c * y]) + np.asarray(middle)
 
@@ -224,7 +222,7 @@ def _around_the_manifold(seed: int) -> Path:
 
 
 def _around_the_wreck(seed: int) -> Path:
-    """Round all of its parts, above everything, nose down."""
+    """Round all parts of the wreck, above everything, nose down."""
     layout, height = wreck_layout(seed), _over_the_wreck(seed)
     middle = np.mean([part.middle for part in layout.parts], axis=0)
     radii = 0.62 * layout.hulk.length + 20, 44.0
@@ -232,7 +230,7 @@ def _around_the_wreck(seed: int) -> Path:
 
 
 def _over_the_wreck(seed: int) -> float:
-    """A height clear of the wreck and the rocks, 9 m under the water or less [m]."""
+    """A height above the wreck and the rocks, at most 9 m under the water [m]."""
     return max(-9.0, _top("wreck", seed) + 4.5)
 
 
@@ -246,7 +244,7 @@ def _under_the_hull(seed: int) -> Path:
 
 
 def _gate_lawnmower(seed: int) -> Path:
-    """The water before the barrier, through the raised gate, the water behind it, and back through the gate."""
+    """Lanes before the barrier, through the raised gate, lanes behind the barrier, and back through the gate."""
     before = lanes((-92, -34), (-14, 12), 5, 3, east=False)
     behind = lanes((46, -38), (94, 14), 4, 2, east=False)
     way_in, way_out = np.array([(-14, 2.5), (38, 2.5)]), np.array([(38, 1.5), (-14, 1.5), (-60, -10)])
@@ -254,14 +252,14 @@ def _gate_lawnmower(seed: int) -> Path:
 
 
 def _harbor_lawnmower(seed: int) -> Path:
-    """The southern water and the eastern one before the ship and the jetty's head."""
+    """Lanes in the south and in the east of the basin, clear of the ship and the jetty's head."""
     south = lanes((-62, -80), (44, -50), 3, 3, east=True)
     east = lanes((26, -26), (78, 26), 4, 3, east=False)
     return lane_path(_level(np.concatenate([south, east, [(48, -36), (26, -58)]]), -2.0), 8.0)
 
 
 def _over_the_manifold(seed: int) -> float:
-    """A height clear of the frame and its guide post [m]."""
+    """A height above the frame and its guide post [m]."""
     layout = manifold_layout(seed)
     return layout.middle[2] + layout.height + 2.6
 
@@ -269,7 +267,7 @@ def _over_the_manifold(seed: int) -> float:
 def _over(
     reach: tuple[float, float], height: Callable[[int], float], bend: float, pitch: float = 0.0
 ) -> Callable[[int], Path]:
-    """Five lanes and four tie lines over the middle of a scene, as far as `reach` to either side [m]."""
+    """Five lanes and four tie lines over the middle of a scene, with half extents `reach` [m]."""
     corners = lanes((-reach[0], -reach[1]), reach, 5, 4, east=True)
     return lambda seed: lane_path(_level(corners, height(seed)), bend, pitch)
 
@@ -294,7 +292,7 @@ LAWNMOWER_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType
         "clutter": _over((66, 56), lambda seed: _top("clutter", seed) + 8.0, 13.0),
         "ship": _over((62, 46), lambda seed: -15.5, 11.0),  # between the keel and the bed
         "pool": lambda seed: lane_path(_level(lanes((-10, -4.2), (9, 4.2), 5, 4, east=True), -0.7), 1.0),
-        "manifold": _over((10, 9), _over_the_manifold, 2.0, np.deg2rad(40)),  # so that the bed is in reach
+        "manifold": _over((10, 9), _over_the_manifold, 2.0, np.deg2rad(40)),  # so that the bed is in range
         "bridge": bridge_lawnmower,
         "wreck": _over((72, 60), _over_the_wreck, 12.0, np.deg2rad(30)),
     }

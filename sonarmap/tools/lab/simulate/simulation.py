@@ -1,4 +1,4 @@
-"""A simulation from its settings: a scene, a path, a sensor and noise; scans and the truth come out."""
+"""Simulation of scans and their true poses from settings: a scene, a trajectory, a sensor and noise."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -35,16 +35,16 @@ from sonarmap.tools.lab.simulate.trajectories import (
 )
 
 Fault = Literal["empty", "noise"]
-_UNUSABLE_STREAM = 37  # of the seed: what is drawn here leaves the other scans what they are
-STRAY_ECHOES = (3, 12)  # of a nearly empty scan, least and most
-NOISY_BEAMS = (0.05, 0.3)  # share of the beams that bring noise back, least and most
-_WEAK = 0.002  # strength about which stray echoes lie, where the sensor's threshold is not above it
+_UNUSABLE_STREAM = 37  # of the seed, so that the other scans do not depend on these draws
+STRAY_ECHOES = (3, 12)  # number in a nearly empty scan, least and most
+NOISY_BEAMS = (0.05, 0.3)  # share of the beams with an echo in a scan of noise, least and most
+_WEAK = 0.002  # least strength of stray echoes, if the sensor's threshold is not above it
 
 
 def choose_faults(share: float, count: int, seed: int, dive: int = 1) -> dict[int, Fault]:
-    """Why round(share * count) of `count` scans are unusable, by their numbers; never the first.
+    """Choose the unusable scans, round(share * count) of `count`, never the first: {number of the scan: fault}.
 
-    A larger share keeps those of a smaller one. Raises InputError: no share, or one that leaves no two usable scans.
+    A larger share includes the choice of a smaller one. Raises InputError: `share` is invalid or leaves no two scans.
     """
     if not 0 <= share < 1:
         raise InputError(f"unusable is {share}; wanted a share of the scans, 0 <= share < 1")
@@ -53,12 +53,12 @@ def choose_faults(share: float, count: int, seed: int, dive: int = 1) -> dict[in
         raise InputError(f"unusable is {share}: {number} of {count} scans, which leaves no two; wanted a smaller share")
     rng = np.random.default_rng(_unusable_seed(seed, dive))
     chosen = 1 + np.argsort(rng.random(max(count - 1, 0)), kind="stable")[:number]
-    kinds = get_args(Fault)
-    return {int(k): kinds[place % len(kinds)] for place, k in enumerate(chosen)}
+    faults = get_args(Fault)
+    return {int(number): faults[order % len(faults)] for order, number in enumerate(chosen)}
 
 
 def _unusable_scan(settings: "SimulationSettings", fault: Fault, number: int, name: str) -> Scan:
-    """Echoes that no surface gave, spread evenly over the beams and the ranges."""
+    """A scan of random echoes, uniform over the beams and the ranges."""
     sensor = settings.sensor
     rng = np.random.default_rng(_unusable_seed(settings.seed, settings.dive, number))
     beams = sensor.rows * sensor.columns
@@ -74,14 +74,14 @@ def _unusable_seed(seed: int, dive: int, *key: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(entropy_of(seed, _UNUSABLE_STREAM, dive=dive), spawn_key=key)
 
 
-_BEAM_BYTES = 450  # of a beam while its echo is computed, as measured
-_ECHO_BYTES = 16  # that stay of an echo
-_SCAN_BYTES = 2000  # of a scan
+_BEAM_BYTES = 450  # memory of a beam while its echo is computed
+_ECHO_BYTES = 16  # memory of an echo of a finished scan
+_SCAN_BYTES = 2000  # memory of a finished scan besides its echoes
 
 
 def check_size(count: int, columns: int, rows: int) -> None:
-    """Refuse more scans, all kept until the last is done, or more beams than this machine's memory holds. Raises
-    InputError: saying how many would fit."""
+    """Check that `count` scans, all kept until the last is done, fit in this machine's memory. Raises InputError: they
+    do not; the message says how many would."""
     available, beams = available_memory(), columns * rows
     one_scan = beams * (_BEAM_BYTES + _ECHO_BYTES)
     if one_scan > available:
@@ -100,29 +100,29 @@ def check_size(count: int, columns: int, rows: int) -> None:
         )
 
 
-# Of a survey where nothing else is said: speckle in full, as every single sonar image has it
+# Default noise of a survey, with full speckle as in every single sonar image
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class SimulationSettings:
-    """Everything that decides what is simulated: equal settings give equal scans, bit for bit."""
+    """Everything that determines a simulation: equal settings give equal scans, bit for bit."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     scene: str = "floodgate"  # a key of SCENE_KINDS
     trajectory: str = "survey"  # a key of TRAJECTORIES
     count: int = 12  # number of scans, from the start of the trajectory
-    spacing: float = SPACING  # of a survey's or a lawnmower's scans along their path [m]; the others have their own
-    sensor: Sensor = ECLIPSE  # what to see with; SENSORS holds the known ones
-    noise: Noise = field(default=SURVEY_NOISE)  # what it does to the echoes
+    spacing: float = SPACING  # between scans along a survey or a lawnmower [m]; other trajectories have their own
+    sensor: Sensor = ECLIPSE  # SENSORS holds the predefined ones
+    noise: Noise = field(default=SURVEY_NOISE)  # of ranges and strengths
     seed: int = 0  # of the scene, the waves and the noise
-    dive: int = 1  # 1, or another pass over the same scene, see trajectories.py
+    dive: int = 1  # number of the pass over the scene, from 1; see trajectories.py
     unusable: float = 0.0  # share of the scans that show nothing of the scene
-    # share of the time from one scan to the next in which the sensor takes its columns in turn, while it moves on; 0:
-    # all at once
+    # share of the time between two scans in which the moving sensor measures its columns one after another; 0: all at
+    # once
     sweep: float = 0.0
-    turn: float = 0.0  # by which the sensor turns to and fro from one scan to the next, at the fastest [rad]
+    turn: float = 0.0  # largest turn between two scans of a sensor that turns to and fro [rad]
 
     def __post_init__(self) -> None:
         scene_kind(self.scene)
@@ -134,12 +134,12 @@ class SimulationSettings:
             raise InputError(f"the sweep is {self.sweep}; wanted a share of the time between two scans, 0 to 1")
         if self.sweep and (self.trajectory == "table1" or self.noise.ghosts):
             raise InputError(
-                "scans of a sensor that moves can be neither of trajectory table1 nor with ghosts (`ghosts=0`)"
+                "a sweep works neither with the trajectory table1 nor with ghosts; leave it out, or give `ghosts=0`"
             )
         if not 0 <= self.turn < np.pi:
             raise InputError(f"the turn is {self.turn} rad from scan to scan; wanted 0 or more, below half a turn")
         if self.turn and self.trajectory not in DIVING:
-            raise InputError(f"the poses of {self.trajectory} are given; `turn` is for one of {', '.join(DIVING)}")
+            raise InputError(f"the poses of {self.trajectory} are fixed; `turn` works with {', '.join(DIVING)}")
         check_dive(self.dive, self.trajectory)
         check_size(self.count, self.sensor.columns, self.sensor.rows)
         choose_faults(self.unusable, self.count, self.seed, self.dive)
@@ -147,23 +147,23 @@ class SimulationSettings:
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """What the sensor wrote, and the truth."""
+    """Simulated scans and their true poses."""
 
-    settings: SimulationSettings  # from which the same scans come out again
+    settings: SimulationSettings  # that reproduce the scans
     scans: tuple[Scan, ...]  # one per pose, in sensor frames; their stamps are the truth's
     truth: Trajectory  # T_world_sensor of every scan; the world is the scene's frame, East-North-Up
-    # why a scan is unusable, by its number; none for the others
+    # faults of the unusable scans, by number of the scan
     faults: Mapping[int, Fault] = field(default_factory=dict)
 
 
 def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lambda done: None) -> Simulation:
-    """All scans of a simulation; `progress` hears the number of scans done, after each. Raises InputError: more scans
-    than the trajectory has, a pose that sees nothing."""
+    """Simulate all scans; after each, `progress` is called with the number done. Raises InputError: the trajectory has
+    fewer scans, or a pose sees nothing."""
     truth = trajectory_of(settings)
-    way = None
-    if settings.sweep:  # while the last scan is taken the sensor goes on as it would to another one
+    motion = None
+    if settings.sweep:  # one more pose: the sensor also moves during the last scan
         longer = trajectory_of(replace(settings, count=settings.count + 1))
-        way = ContinuousTrajectory.through(longer, np.zeros((len(longer), 6, 6)))
+        motion = ContinuousTrajectory.through(longer, np.zeros((len(longer), 6, 6)))
     faults = choose_faults(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []
     for number in range(len(truth)):
@@ -171,7 +171,7 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
         if number in faults:
             scans.append(_unusable_scan(settings, faults[number], number, name))
         else:
-            scans.append(observe(settings, truth.T_world_sensor[number], number, name, way))
+            scans.append(observe(settings, truth.T_world_sensor[number], number, name, motion))
         progress(number + 1)
     return Simulation(settings, tuple(scans), truth, faults)
 
@@ -187,26 +187,26 @@ def observe(
     T_world_sensor: RigidTransform,
     number: int,
     name: str,
-    way: ContinuousTrajectory | None = None,
+    motion: ContinuousTrajectory | None = None,
 ) -> Scan:
-    """The scan `number` of a simulation, from one pose, or on a way past it; the seed, the dive and the number decide
-    its noise."""
+    """Scan `number` of a simulation from one pose or, with `motion`, from its pose at the time of each column. Its
+    noise depends only on the seed, the dive and the number."""
     key = entropy_of(number, dive=settings.dive)
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
     scene, sensor, noise = build_scene(settings.scene, settings.seed), settings.sensor, settings.noise
-    if way is not None:
-        return _on_the_way(settings, way, number, rng, name)
+    if motion is not None:
+        return _moving_scan(settings, motion, number, rng, name)
     echoes = measure(scene, sensor, T_world_sensor, cast(scene, sensor, T_world_sensor), noise, rng)
     return scan_of(echoes, sensor, stamp=float(number), name=name)
 
 
-def _on_the_way(
-    settings: SimulationSettings, way: ContinuousTrajectory, number: int, rng: np.random.Generator, name: str
+def _moving_scan(
+    settings: SimulationSettings, motion: ContinuousTrajectory, number: int, rng: np.random.Generator, name: str
 ) -> Scan:
-    """A scan whose columns are taken in turn, its points as the sensor has them at the time of each."""
+    """A scan whose columns are measured one after another; points are in the sensor frame of their own time."""
     sensor = settings.sensor
     after = settings.sweep * np.arange(sensor.columns) / sensor.columns
-    T = way.at(number + after)[0].T_world_sensor
+    T = motion.at(number + after)[0].T_world_sensor
     column = np.tile(np.arange(sensor.columns), sensor.rows)
     directions = Rotation.from_quat(T.rotation.as_quat()[column]).apply(sensor.directions().reshape(-1, 3))
     scene = build_scene(settings.scene, settings.seed)
@@ -216,8 +216,8 @@ def _on_the_way(
 
 
 def settings_from_json(content: Any) -> SimulationSettings:
-    """Settings from what a description.json holds under "settings"; missing ones take their defaults. Raises
-    InputError: an unknown key or a value that does not fit, all of them named."""
+    """Settings from the "settings" of a description.json; missing ones take their defaults. Raises InputError: unknown
+    keys or invalid values, all of them named."""
     try:
         return TypeAdapter(SimulationSettings).validate_python(content)
     except ValidationError as error:

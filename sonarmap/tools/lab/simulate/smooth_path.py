@@ -1,4 +1,4 @@
-"""Smooth paths that a sensor is carried along: through places with headings of their own, or in lanes."""
+"""Smooth paths of a sensor: splines through positions with headings, and lanes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,24 +9,24 @@ from scipy.ndimage import uniform_filter1d
 
 from sonarmap.tools.lab.simulate.scenes.solids import rounded
 
-FINE = 200  # points that a path's length is measured on, for each of its corners
-TURNING = 5.0  # bends that a lane's heading is averaged over
+FINE = 200  # points per corner on which a path's length is measured
+TURNING = 5.0  # ratio of the length over which a heading is averaged to the bend of a lane path
 
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Where the sensor is after a distance along the path."""
+    """A sensor's position and heading as functions of the distance along its path."""
 
     length: float  # of the path, once round if it is closed [m]
     closed: bool  # whether it ends where it begins
-    # takes distances (N,) [m]; positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]. A closed path goes
-    # round again and again.
+    # maps distances (N,) [m] to positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]; a closed path is
+    # periodic
     at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-    pitch: float = 0.0  # of the sensor all along, positive nose down [rad]
+    pitch: float = 0.0  # of the sensor on the whole path, positive nose down [rad]
 
 
 def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) -> Path:
-    """A smooth path through `corners` (K, 4): x, y, z [m] and heading [degrees], the headings turned smoothly."""
+    """A smooth path through `corners` (K, 4): x, y, z [m] and heading [degrees], with a smooth heading."""
     heading = np.deg2rad(corners[:, 3])
     knots = np.column_stack([corners[:, :3], np.cos(heading), np.sin(heading)])
     if closed:
@@ -45,12 +45,11 @@ def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) ->
 
 
 def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
-    """A closed path along straight legs between `corners` (K, 3) [m, scene], looking where it goes, its turns rounded
-    from `bend` [m] before each corner on.
+    """A closed path of straight legs between `corners` (K, 3) [m, scene], rounded from `bend` [m] before each corner.
 
-    The heading is the direction of travel, averaged over TURNING bends: neighbors on a sharp turn still share a view.
+    The heading is the direction of travel, averaged over TURNING * bend, so that views on a sharp turn overlap.
     """
-    # from the middle of a leg on, so that every corner is an inner one
+    # start in the middle of a leg, so that every corner is an inner one
     start = (corners[-1] + corners[0]) / 2
     line = rounded(np.concatenate([[start], corners, [start]]), bend, pieces=24)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
@@ -68,7 +67,7 @@ def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
 
 
 def _smooth(heading: np.ndarray, count: int) -> np.ndarray:
-    """Headings (N,) [rad] once round a closed path, each the mean of the `count` about it."""
+    """Moving average over `count` of the headings (N,) [rad] of a closed path."""
     # once round the path adds whole turns
     turns = 2 * np.pi * np.round((heading[-1] - heading[0]) / (2 * np.pi))
     around = np.concatenate([heading - turns, heading, heading + turns])
@@ -78,8 +77,8 @@ def _smooth(heading: np.ndarray, count: int) -> np.ndarray:
 def lanes(low: tuple[float, float], high: tuple[float, float], count: int, ties: int, *, east: bool) -> np.ndarray:
     """Corners (K, 2) of `count` lanes to and fro over a rectangle, along x or y, then of `ties` lines across them [m].
 
-    At least 2 each; where the last tie line leads straight back to the start, as in a closed path, an even number of
-    them, so that no leg is gone back along.
+    Give at least 2 of each; and, in a closed path whose last tie line would lead straight back to the start, an even
+    number of tie lines, so that no leg is passed twice.
     """
     long, wide = (0, 1) if east else (1, 0)
     corners = _to_and_fro((low[long], high[long]), np.linspace(low[wide], high[wide], count))

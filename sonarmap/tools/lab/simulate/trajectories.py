@@ -1,4 +1,4 @@
-"""Where the sensor goes: surveys, loops and lanes through a scene, and the poses of the paper's Table 1."""
+"""Trajectories of a sensor: surveys, loops and lanes through a scene, and the poses of the paper's Table 1."""
 
 from dataclasses import replace
 
@@ -15,18 +15,18 @@ from sonarmap.tools.lab.simulate.sensing.overlap import shared_view
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor, bare
 from sonarmap.tools.lab.simulate.smooth_path import Path
 
-SHIFT = (3 - np.sqrt(5.0)) / 2  # of one dive's start against the last one's, as a share of the way that a dive covers
-DIVING = ("survey", "loop", "lawnmower")  # trajectories that have other dives: those along a closed path
+SHIFT = (3 - np.sqrt(5.0)) / 2  # of a dive's start against the previous dive's, as a share of the distance covered
+DIVING = ("survey", "loop", "lawnmower")  # trajectories with several dives: those along a closed path
 
-# Sideways drift of a dive other than the first in a scene of 256 m: amplitude of each of the summed sines [m]. With the
-# heave it stays within what the paths keep clear.
+# Sideways drift of a dive other than the first in a scene of 256 m: amplitude of each of the summed sines [m]. Drift
+# and heave stay within the clearance of the paths.
 DRIFT_AMPLITUDE = 0.75
 DRIFT_PERIODS = (23.0, 41.0)  # in scans
 _DRIFT = 38  # stream of the seed
 
 
 def check_dive(dive: int, trajectory: str) -> None:
-    """Refuse dives below 1, and others than the first of trajectories that have one alone."""
+    """Check a dive's number. Raises InputError: it is below 1, or above it for a trajectory that has only one dive."""
     if dive < 1:
         raise InputError(f"the dive is {dive}; wanted a number >= 1")
     if dive > 1 and trajectory not in DIVING:
@@ -37,12 +37,12 @@ def check_dive(dive: int, trajectory: str) -> None:
 
 
 def start_of(covered: float, dive: int) -> float:
-    """Where on its path a dive that covers a length of it [m] begins, by the golden ratio: no two are close."""
+    """Distance [m] at which a dive of length `covered` [m] begins, by the golden ratio, so that no two are close."""
     return float(covered * (SHIFT * (dive - 1) % 1))
 
 
 def drift(count: int, seed: int, dive: int) -> np.ndarray:
-    """How far to the left of its path each scan of a dive is taken, (N,) [m] in a scene of 256 m; 0 on the first."""
+    """Offset (N,) of a dive's scans to the left of its path, [m] in a scene of 256 m; 0 on the first dive."""
     if dive == 1:
         return np.zeros(count)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, _DRIFT, dive=dive)))
@@ -55,28 +55,28 @@ def _sines(count: int, periods: tuple[float, ...], shape: tuple[int, ...], rng: 
     return np.sin(2 * np.pi * np.arange(count) / np.array(periods)[:, None] + phase).sum(axis=-2)
 
 
-TABLE1_COUNT = 10
-TABLE1_MOST = 13  # rows, those of the table's continuation with them: S0 to S12
-TABLE1_STEP = (4.0, 8.0, 12.0)  # x, y, z a step [m]; one voxel of the paper's 256^3 grid is 1 m
-TABLE1_STEP_DEG = (6.0, 1.0, 2.0)  # yaw, pitch, roll a step
+TABLE1_COUNT = 10  # rows of the table, S0 to S9
+TABLE1_MOST = 13  # rows of the table and its continuation, S0 to S12
+TABLE1_STEP = (4.0, 8.0, 12.0)  # x, y, z per row [m]; one voxel of the paper's 256^3 grid is 1 m
+TABLE1_STEP_DEG = (6.0, 1.0, 2.0)  # yaw, pitch, roll per row
 
-# Where the sensor rig stands in the grid frame [m]: before the structure, above the water, its fan looking
+# Position of the sensor rig in the grid frame [m]: before the structure, above the water, its fan looking
 # down. Chosen so that the overlap falls smoothly from 0.9 at S0 to a fifth at S9 (the paper's Fig. 19).
 TABLE1_RIG = (-100.0, -30.0, 10.0)
 
-SPACING = 9.0  # of a survey's scans along its path in a scene of 256 m [m]
-LOOP_LEAST = 3  # scans of a loop
+SPACING = 9.0  # between a survey's scans along its path in a scene of 256 m [m]
+LOOP_LEAST = 3  # least number of scans of a loop
 
 # Waves move the vessel: amplitude of each of the summed sines, for heave [m] and yaw, pitch, roll [degrees]
 WAVE_AMPLITUDE = (0.2, 1.2, 1.0, 1.6)
 WAVE_PERIODS = (3.7, 5.9, 11.3)  # in scans
-LOOKING_ROUND = 12.0  # scans in which a sensor that looks to and fro is back
+LOOKING_ROUND = 12.0  # period of a sensor that turns to and fro, in scans
 
 
 def survey(
     scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
 ) -> Trajectory:
-    """Poses every `spacing` meters along the scene's closed path, again and again, with the motion of a small vessel.
+    """Poses every `spacing` meters, round and round the scene's closed path, with the motion of a small vessel.
 
     Roll, pitch, yaw and heave follow sums of sines whose phases come from `seed`. Stamps count the scans. Raises
     InputError: a scene without a path, no scan, or a spacing that is not positive.
@@ -87,7 +87,7 @@ def survey(
 def lawnmower(
     scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
 ) -> Trajectory:
-    """As `survey`, along lanes over the scene and tie lines across them, looking where it goes."""
+    """Poses as in `survey`, but along lanes over the scene and tie lines across them, looking ahead."""
     return _evenly(lawnmower_path(scene, seed, reach), scene, count, seed, spacing, dive)
 
 
@@ -95,22 +95,22 @@ def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf
     """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first. Raises
     InputError: a scene without a path, or fewer than 3 scans."""
     if count < LOOP_LEAST:
-        raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
+        raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}")
     path = survey_path(scene, seed, reach)
     return _evenly(path, scene, count, seed, path.length / count, dive)
 
 
 def looking_round(trajectory: Trajectory, turn: float) -> Trajectory:
-    """The way of a sensor that besides turns to and fro about its z axis, by `turn` [rad] a scan at the fastest."""
+    """The trajectory with the sensor also turning to and fro about its z axis, by at most `turn` [rad] per scan."""
     swing = turn * LOOKING_ROUND / (2 * np.pi) * np.sin(2 * np.pi / LOOKING_ROUND * trajectory.stamps)
     R = RigidTransform.from_rotation(Rotation.from_euler("z", swing[:, None]))
     return Trajectory(trajectory.stamps, trajectory.T_world_sensor * R)
 
 
 def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:
-    """N poses T_world_sensor after each of the distances (N,) [m] along `path`, the vessel moved by waves.
+    """N poses T_world_sensor at the distances (N,) [m] along `path`, of a vessel that waves move.
 
-    The k-th pose's waves and drift depend on k, the seed, the dive and the scene's size alone.
+    Waves and drift of pose k depend only on k, the seed, the dive and the scene's size.
     """
     places, heading = path.at(distance)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, 4, dive=dive)))
@@ -140,7 +140,7 @@ def table1_transform(index: int) -> RigidTransform:
 def table1(rows: int = TABLE1_COUNT) -> Trajectory:
     """Sensor poses in the reference grid frame: the reference scan's, then S0..S9, or `rows` of them, 1 to 13.
 
-    Stamps count them. From S9 on the sensor is above the cube of 256 m, at S12 by 46 m; what it sees lies in it.
+    Stamps count the scans. From S9 on the sensor is above the cube of 256 m, at S12 by 46 m, but its points are inside.
     """
     T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
     moved = [table1_transform(index) * T_grid_rig for index in range(rows)]
@@ -157,25 +157,23 @@ def _evenly(path: Path, scene: str, count: int, seed: int, spacing: float, dive:
 
 GATE = "floodgate"
 PAPER_COUNT = 18
-MOST_SHARED, LEAST_SHARED = 0.88, 0.52  # wanted between consecutive scans; the paper: about 90 to 50 percent
+MOST_SHARED, LEAST_SHARED = 0.88, 0.52  # wanted overlap of consecutive scans; the paper: about 90 to 50 percent
 GOLDEN = (np.sqrt(5.0) - 1) / 2
-STEP = 1.0  # of the search along the path in a scene of 256 m [m]
-COLUMNS, ROWS = 64, 48  # of the beams that overlap is measured with, at most
+STEP = 1.0  # of the search along a path in a scene of 256 m [m]
+COLUMNS, ROWS = 64, 48  # largest numbers of beams with which overlap is measured
 
 
 def paper18(scene: str, count: int, seed: int, sensor: Sensor) -> Trajectory:
-    """Up to 18 poses, each as far along a path as its wanted overlap with the one before allows.
+    """Up to 18 poses, each as far along a path as its wanted overlap with the previous one allows.
 
-    The overlap is `shared_view`, measured on the scene itself without noise, with fewer beams; the wanted shares vary
-    between 0.9 and 0.5 in a fixed order. The path shows the gate from shore to shore; the vessel moves as in `survey`.
-    Raises InputError: fewer scans than 1 or more than 18, another scene, or a path that is too short.
+    The overlap is `shared_view`, measured on the noise-free scene with fewer beams; the wanted values vary between 0.9
+    and 0.5 in a fixed order. The path shows the gate from shore to shore; the vessel moves as in `survey`. Raises
+    InputError: fewer scans than 1 or more than 18, another scene, or a path that is too short.
     """
     if not 1 <= count <= PAPER_COUNT:
         raise InputError(f"the paper's survey has {PAPER_COUNT} scans; {count} were asked for")
     if scene != GATE:
-        raise InputError(
-            f"the paper's survey is laid through {GATE}, not through {scene}; take a survey or a lawnmower"
-        )
+        raise InputError(f"the paper's survey is of the scene {GATE}, not {scene}; choose a survey or a lawnmower")
     path = gate_path()
     coarse = replace(bare(sensor), columns=min(sensor.columns, COLUMNS), rows=min(sensor.rows, ROWS))
     distance = stations(build_scene(scene, seed), path, coarse, wanted_shares(count - 1), seed)
@@ -183,13 +181,13 @@ def paper18(scene: str, count: int, seed: int, sensor: Sensor) -> Trajectory:
 
 
 def wanted_shares(count: int) -> np.ndarray:
-    """Wanted overlaps (N,) that wander evenly between the greatest and the least, the same whatever the seed."""
+    """Wanted overlaps (N,), spread evenly between the greatest and the least in a fixed order."""
     return MOST_SHARED - (MOST_SHARED - LEAST_SHARED) * np.sqrt(GOLDEN * np.arange(1, count + 1) % 1)
 
 
 def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed: int) -> np.ndarray:
-    """Distances (N + 1,) [m] along `path`: each the last before the overlap of what `sensor` sees with the one before
-    falls below its share, of (N,), 0..1. Raises InputError: a path too short for all of them."""
+    """Distances (N + 1,) [m] of scans along `path`: each is the last one before the `shared_view` of the scan and the
+    previous one falls below its share, of `shares` (N,), 0..1. Raises InputError: the path is too short."""
     step = STEP * scene.kind.scale
     distance = [0.0]
 

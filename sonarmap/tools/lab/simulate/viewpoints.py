@@ -1,4 +1,4 @@
-"""Two viewpoints in one scene with a wanted overlap: searched with few beams, decided with all."""
+"""Search for two viewpoints in a scene with a wanted overlap: few beams propose, all beams decide."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -15,44 +15,43 @@ from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap, share_near
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast
 
-TRIES = 400
-ABOVE = 200.0  # where the search for the ground starts in a scene of 256 m [m]
-ASIDE = np.pi / 4  # an inward look is at most this far from the scene's middle [rad]
+TRIES = 400  # poses that are tried before a search is given up
+ABOVE = 200.0  # height at which the search for the ground starts in a scene of 256 m [m]
+ASIDE = np.pi / 4  # largest angle between an inward view and the direction to the scene's middle [rad]
 
-# In shares of the sensor's maximum range
-CLEARANCE = 1 / 20  # nothing nearer before the sensor
-HEIGHT = (0.1, 0.25)  # above what stands below the target's place
-SEEN_LEAST = 0.25  # of the beams
+CLEARANCE = 1 / 20  # least range of a surface, in shares of the sensor's maximum range
+HEIGHT = (0.1, 0.25)  # of a target above the ground, least and greatest, in shares of the sensor's maximum range
+SEEN_LEAST = 0.25  # least share of the beams with an echo
 
-# Of a place that would share nothing, from the target, in shares of the sensor's maximum range, and by how much the
-# view from there is turned aside, in shares of the fan's width
+# Largest distance along x, y and z of a source from a target with which it has no overlap, in shares of the sensor's
+# maximum range, and largest turn of its view, in shares of the fan's width
 FAR = (2 / 3, 2 / 3, 1 / 8)
 FAR_TURN = 1.0
 
-THIN = 8  # the coarse search takes at most every THIN-th beam of a row and of a column,
-COARSE_BEAMS = 768  # and at least this many beams in all
-DOUBT = 0.1  # an overlap by the coarse points is at most this far from the one by all beams
+THIN = 8  # largest stride of the coarse search over the beams of a row and of a column
+COARSE_BEAMS = 768  # least number of beams of the coarse search
+DOUBT = 0.1  # largest difference between the overlap of the coarse points and that of all beams
 
 
-class _Pointed(Protocol):
+class _HasPoints(Protocol):
     @property
     def points(self) -> np.ndarray: ...
 
 
-Look = TypeVar("Look", bound=_Pointed)
-# T_world_frame of a scan that may do, points (N, 3) [m] of a few of its beams in that frame, and what all of them show
+Look = TypeVar("Look", bound=_HasPoints)
+# T_world_frame of a scan, points (N, 3) [m] of a few of its beams in that frame, and a function that looks with all
 Candidate = tuple[RigidTransform, np.ndarray, Callable[[], Look | None]]
 
 
 @dataclass(frozen=True, slots=True)
 class WantedOverlap:
-    """An overlap that two scans are to have."""
+    """Wanted overlap of two scans, and how it is measured."""
 
     least: float
     most: float
     radius: float  # within which points have a counterpart [m]
-    doubt: float  # largest difference of an overlap by a few points from the one by all
-    thin: int  # every thin-th point of the target counts in a first look
+    doubt: float  # largest difference between the overlap of a few points and that of all
+    thin: int  # stride over the target's points in the coarse test
 
 
 def find_partner(
@@ -60,12 +59,12 @@ def find_partner(
 ) -> tuple[Look, float] | None:
     """The first candidate that has the wanted overlap with a target's points (N, 3) [m], and the overlap; or None.
 
-    Few points reject a candidate where they leave no doubt; all points decide on the others.
+    A candidate is rejected by its few points if they leave no doubt; otherwise all points decide.
     """
-    known, sample = KDTree(points), points[:: wanted.thin]
+    tree, sample = KDTree(points), points[:: wanted.thin]
     for T_world_source, coarse, look in candidates:
         T_target_source = T_world_target.inv() * T_world_source
-        there = share_near(known, T_target_source.apply(coarse), wanted.radius)
+        there = share_near(tree, T_target_source.apply(coarse), wanted.radius)
         if there < wanted.least - wanted.doubt or (seen := look()) is None:
             continue
         back = share_near(KDTree(seen.points), T_target_source.inv().apply(sample), wanted.radius)
@@ -79,11 +78,11 @@ def find_partner(
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen from one place, free of noise."""
+    """A noise-free view from one pose."""
 
-    T_world_sensor: RigidTransform  # the place and the attitude
+    T_world_sensor: RigidTransform
     echoes: Echoes  # of all beams
-    points: np.ndarray  # (N, 3) float64 [m], sensor frame, of the beams that meet something
+    points: np.ndarray  # (N, 3) float64 [m], sensor frame, of the beams with an echo
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class Observer:
         return int(np.clip(np.sqrt(beams / COARSE_BEAMS), 1, THIN))
 
     def view(self, pose: RigidTransform) -> View | None:
-        """What all beams show from T_world_sensor; None where the sensor would be in a solid or too close to one."""
+        """The view of all beams from T_world_sensor; None if it is in a solid, too close to one, or sees too little."""
         if not self.is_free(pose) or self.coarse_points(pose) is None:
             return None
         echoes = cast(self.world, self.sensor, pose)
@@ -113,7 +112,7 @@ class Observer:
         return View(pose, echoes, self._directions[seen] * echoes.ranges[seen][:, None])
 
     def is_free(self, pose: RigidTransform) -> bool:
-        """Whether the sensor is out of every solid, and, where a scene bounds its water from above, in that water."""
+        """Whether the sensor is outside all solids and, if the scene bounds its sensors from above, within bounds."""
         place, kind = pose.translation, self.world.kind
         if np.isfinite(kind.highest[2]) and not ((place >= kind.lowest) & (place <= kind.highest)).all():
             return False
@@ -122,7 +121,7 @@ class Observer:
     def find_partner(
         self, target: View, overlaps: tuple[float, float], poses: Callable[[], RigidTransform]
     ) -> tuple[View, float] | None:
-        """The first view of TRIES `poses` that has an overlap with the target's within `overlaps`, and it; or None."""
+        """The first view of TRIES `poses` whose overlap with the target is within `overlaps`, and that; or None."""
 
         def candidates() -> Iterator[Candidate[View]]:
             for _ in range(TRIES):
@@ -136,7 +135,7 @@ class Observer:
         return find_partner(target.points, target.T_world_sensor, candidates(), wanted)
 
     def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
-        """Points (K, 3) [m, sensor frame] of a few beams; None where these already show that the view will not do."""
+        """Points (K, 3) [m, sensor frame] of a few beams; None if they already rule the view out."""
         few = self._directions[:: self._stride, :: self._stride].reshape(-1, 3)
         origins = np.broadcast_to(pose.translation, few.shape)
         ranges, _ = self.world.intersect(origins, pose.rotation.apply(few))
@@ -147,14 +146,14 @@ class Observer:
         return few[seen] * ranges[seen][:, None]
 
     def _is_clear(self, ranges: np.ndarray, least: float) -> bool:
-        """Whether nothing stands close before the sensor and a share `least` of the beams meets something."""
+        """Whether no surface is too close and at least a share `least` of the beams has an echo."""
         enough = np.isfinite(ranges).mean() >= least
         return bool(enough and ranges.min() >= CLEARANCE * self.sensor.max_range)
 
 
 def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) -> View:
-    """From a pose in the inner part of the scene, above what stands there, with nothing near before it. Raises
-    InputError: there is none within TRIES."""
+    """Draw a view from a pose in the inner part of the scene, above the ground and with no surface close to it. Raises
+    InputError: none of TRIES poses has one."""
     world, sensor = observer.world, observer.sensor
     kind = world.kind
     for _ in range(TRIES):
@@ -172,9 +171,9 @@ def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) ->
 def aside(
     observer: Observer, target: View, overlaps: tuple[float, float], rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
-    """A place (3,) [m, world] beside the target's, within the scene, and by how much its view is turned [rad].
+    """Draw a position (3,) [m, world] beside the target's, within the scene, and a turn of its view [rad].
 
-    The less is to be shared, the farther away and the more turned.
+    Both are larger for a smaller overlap.
     """
     far = 1 - rng.uniform(*overlaps)
     here, edge = target.T_world_sensor.translation, np.array(observer.world.kind.size) / 2
@@ -186,12 +185,12 @@ def aside(
 
 
 def attitude(yaw: float, max_tilt: float, rng: np.random.Generator) -> Rotation:
-    """R_world_sensor with a given heading and a random pitch and roll up to `max_tilt` [rad]."""
+    """Draw R_world_sensor with a given heading and a random pitch and roll up to `max_tilt` [rad]."""
     pitch, roll = rng.uniform(-max_tilt, max_tilt, 2)
     return Rotation.from_euler("ZYX", (yaw, pitch, roll))
 
 
 def heading_at(place: np.ndarray, kind: SceneKind, rng: np.random.Generator) -> float:
-    """A direction to look in from a place (2,) or (3,) [rad]: any, or in an inward scene about toward its middle."""
+    """Draw a heading [rad] at a position (2,) or (3,): any, or roughly toward the middle of an inward scene."""
     heading = rng.uniform(-np.pi, np.pi)
     return np.arctan2(-place[1], -place[0]) + heading * ASIDE / np.pi if kind.inward else heading
