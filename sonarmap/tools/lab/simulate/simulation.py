@@ -139,7 +139,7 @@ class SimulationSettings:
         if not 0 <= self.turn < np.pi:
             raise InputError(f"the turn is {self.turn} rad from scan to scan; wanted 0 or more, below half a turn")
         if self.turn and self.trajectory not in DIVING:
-            raise InputError(f"the poses of {self.trajectory} are fixed; `turn` works with {', '.join(DIVING)}")
+            raise InputError(f"the poses of {self.trajectory} are fixed; `turn` works with one of {', '.join(DIVING)}")
         check_dive(self.dive, self.trajectory)
         check_size(self.count, self.sensor.columns, self.sensor.rows)
         choose_faults(self.unusable, self.count, self.seed, self.dive)

@@ -1,1 +1,1 @@
-"""What instruments measure in a scene: a sonar's echoes, multipath and noise, unusable scans, priors of the pose."""
+"""Simulated measurements: a sonar's echoes with multipath and noise, overlaps, priors of poses, dead reckoning."""

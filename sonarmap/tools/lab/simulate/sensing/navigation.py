@@ -1,5 +1,5 @@
-"""Navigation as it comes: what instruments would say of simulated poses, with errors; fixes now and then, some of them
-wrong; dead reckoning that drifts."""
+"""Simulated navigation: priors of poses with errors, position fixes at intervals and with outliers, and dead reckoning
+that drifts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,12 +18,12 @@ def entropy_of(*words: int, dive: int) -> list[int]:
     return [*words] if dive == 1 else [*words, dive]
 
 
-INSTRUMENT_STREAM = 31  # of the seed: the errors are drawn apart from the scans, which stay what they are
+INSTRUMENT_STREAM = 31  # of the seed, so that the scans do not depend on the errors
 
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """Standard deviations of what a vehicle carries; inf for what it does not."""
+    """Standard deviations of a vehicle's instruments; inf for those that it lacks."""
 
     attitude: float = float(np.deg2rad(0.5))  # of roll and of pitch [rad]; an inertial sensor's
     heading: float = float(np.deg2rad(3.0))  # [rad]; a magnetic compass near steel
@@ -40,8 +40,8 @@ KINDS = tuple(Instruments.__dataclass_fields__)
 
 
 def instruments_for(kinds: Sequence[str], fix_sigma: float | None = None) -> Instruments:
-    """A vehicle that carries only these KINDS of instruments, with the default standard deviations but for that of
-    positions [m]. Raises InputError: an unknown kind, or none at all; a standard deviation that is not positive."""
+    """Instruments of these KINDS only, with default standard deviations except `fix_sigma`, that of positions [m].
+    Raises InputError: an unknown kind, no kind, or a standard deviation that is not positive."""
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown or not kinds:
         what = repr(unknown[0]) if unknown else "nothing"
@@ -55,7 +55,7 @@ def instruments_for(kinds: Sequence[str], fix_sigma: float | None = None) -> Ins
 def measure_poses(
     T_world_sensor: RigidTransform, instruments: Instruments, seed: int, dive: int = 1
 ) -> tuple[PosePrior, ...]:
-    """The prior of each of N poses; seed, dive and the pose's number decide its errors, whatever else is measured."""
+    """Priors of N poses; the errors of each depend only on the seed, the dive and the number of the pose."""
     entropy = entropy_of(seed, INSTRUMENT_STREAM, dive=dive)
     streams = (np.random.SeedSequence(entropy, spawn_key=(number,)) for number in range(len(T_world_sensor)))
     return tuple(
@@ -65,29 +65,29 @@ def measure_poses(
 
 
 def measure_pose(T_world_sensor: RigidTransform, instruments: Instruments, rng: np.random.Generator) -> PosePrior:
-    """What the instruments say of one true pose: with normal errors, and 0 for what they do not measure."""
+    """Prior of one true pose with normal errors; components that no instrument measures are 0."""
     sigmas = instruments.sigmas
     drawn = rng.normal(size=6)
-    known = np.isfinite(sigmas)
-    errors = np.where(known, sigmas, 0.0) * drawn
+    carried = np.isfinite(sigmas)
+    errors = np.where(carried, sigmas, 0.0) * drawn
     about_world = Rotation.from_euler("Z", twist(T_world_sensor.rotation)).apply(errors[:3])
     yaw, pitch, roll = (Rotation.from_rotvec(-about_world) * T_world_sensor.rotation).as_euler("ZYX")
-    measured = np.where(known[[2, 1, 0]], [yaw, pitch, roll], 0.0)
-    shift = np.where(known[3:], T_world_sensor.translation - errors[3:], 0.0)
+    measured = np.where(carried[[2, 1, 0]], [yaw, pitch, roll], 0.0)
+    shift = np.where(carried[3:], T_world_sensor.translation - errors[3:], 0.0)
     return PosePrior(RigidTransform.from_components(shift, Rotation.from_euler("ZYX", measured)), sigmas)
 
 
-STREAM = 37  # of the seed: drawn apart from the scans and from what instruments measure
-OUTLIER = 20.0  # how far a wrong fix is off [m]
-# Of dead reckoning from scan to scan, beside its drift [rad, m].
+STREAM = 37  # of the seed, so that scans and priors do not depend on these draws
+OUTLIER = 20.0  # horizontal error of a wrong fix [m]
+# Standard deviations of dead reckoning per scan, in addition to its drift [rad, m]
 _SHAKE = np.repeat([np.radians(0.02), 0.002], 3)
 
 
 @dataclass(frozen=True, slots=True)
 class Fixes:
-    """How positions are fixed. Raises InputError: a number below 1, or a share out of its range."""
+    """Interval and outliers of position fixes. Raises InputError: `every` is below 1, or `outliers` outside 0..1."""
 
-    every: int = 1  # from one scan with a position to the next, beginning with the first
+    every: int = 1  # interval of the scans with a position, beginning with the first
     outliers: float = 0.0  # share of the positions that are 20 m off, 0..1
 
     def __post_init__(self) -> None:
@@ -95,7 +95,7 @@ class Fixes:
             raise InputError(f"`fix_every={self.every}`, `fix_outliers={self.outliers}`: wanted at least 1, and 0 to 1")
 
     def of(self, priors: Sequence[PosePrior], seed: int, dive: int = 1) -> list[PosePrior | None]:
-        """The priors with positions fixed so; None where nothing is left. Depths are those of every scan."""
+        """The priors with only these positions; None if nothing else is measured. Depths of all scans stay."""
         rng = np.random.default_rng(entropy_of(seed, STREAM, 0, dive=dive))
         wrong, angle = rng.random(len(priors)) < self.outliers, rng.uniform(0, 2 * np.pi, len(priors))
         changed: list[PosePrior | None] = []
@@ -110,10 +110,10 @@ class Fixes:
 
 
 def dead_reckoning(truth: Trajectory, drift: float, turn_drift: float, seed: int, dive: int = 1) -> Trajectory:
-    """Where a vehicle believes it went: its log is off by a share of the way, its gyroscope by a turn per second.
+    """Trajectory by dead reckoning: the speed log errs in scale and direction, the gyroscope has a constant bias.
 
-    Both are drawn once for the dive, with the standard deviations `drift`, a share, and `turn_drift` [rad/s]; from scan
-    to scan comes a little more. The truth's stamps are in seconds.
+    The errors are drawn once per dive, with the standard deviations `drift`, a share of the distance, and `turn_drift`
+    [rad/s]; a little noise is added per scan. The truth's stamps are in seconds.
     """
     rng = np.random.default_rng(entropy_of(seed, STREAM, 1, dive=dive))
     scale, rate = drift * rng.standard_normal(), turn_drift * rng.standard_normal()

@@ -1,4 +1,4 @@
-"""What a sonar does to the truth: speckle, range noise, ghosts, wild and lost echoes; from echoes to a scan."""
+"""Noise of a sonar: speckle, range noise, ghosts, outliers and dropouts; conversion of echoes to a scan."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,7 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, beams, echoes_of
 
-NARROWEST, WIDEST = 0.05, 8.0  # of a lobe [beams]; in a narrower one no neighbor is heard
+NARROWEST, WIDEST = 0.05, 8.0  # width of a lobe [beams]; a narrower one does not reach the next beam
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +25,13 @@ class Noise:
     sigma2: float = 0.0  # variance of range at the sensor's maximum range [m^2]; sigma2 r / max_range at range r
     outliers: float = 0.0  # share of the echoes whose range is instead uniform between the sensor's minimum and maximum
     dropouts: float = 0.0  # share of the echoes that are lost
-    # share of the beams that report their second surface, seen in the first as in a mirror, where there is one: the
-    # multipath of `reflect`
+    # share of the beams that report the second surface, if there is one, mirrored by the first: see `reflect`
     ghosts: float = 0.0
     # share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is Rayleigh distributed and
     # the strength, an intensity, exponentially; its mean stays (J. W. Goodman, Statistical Properties of Laser Speckle
     # Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
     speckle: float = 0.0
-    # standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam reports the
+    # standard deviation of a beam's main lobe, in beams. Above 0, echoes fade in patches and every beam reports the
     # strongest echo of its lobe.
     lobe: float = 0.0
 
@@ -52,18 +51,18 @@ class Noise:
 def disturb(
     echoes: Echoes, sensor: Sensor, noise: Noise, rng: np.random.Generator, ghosts: Echoes | None = None
 ) -> Echoes:
-    """Echoes with noise; range inf and strength 0 where one was too weak, was lost or left the limits.
+    """Add noise to echoes; range inf and strength 0 where an echo is too weak, lost, or out of the sensor's ranges.
 
-    Every beam draws the same numbers whatever it meets and whatever the settings, so that two scans with one seed
-    differ only where their scene or their settings do. `ghosts` are what the beams would see in their first surface
-    (`reflect`). Raises InputError: noise with ghosts, and none given.
+    Every beam draws the same random numbers for any scene and settings, so that two scans with the same seed differ
+    only where their scene or settings do. `ghosts` are the echoes mirrored by the first surface (`reflect`). Raises
+    InputError: the noise has ghosts, and `ghosts` is None.
     """
     if ghosts is None and noise.ghosts > 0:
         raise InputError(f"noise: ghosts is {noise.ghosts}, and no ghosts were given; wanted those of reflect()")
     shape = echoes.ranges.shape
     gauss = rng.standard_normal(shape)
-    wild = rng.random(shape)
-    wild_range = rng.uniform(sensor.min_range, sensor.max_range, shape)
+    outlier = rng.random(shape)
+    outlier_range = rng.uniform(sensor.min_range, sensor.max_range, shape)
     lost = rng.random(shape)
     mirrored = rng.random(shape)
     speckle = rng.standard_exponential(shape)
@@ -78,7 +77,7 @@ def disturb(
     seen = np.isfinite(echoes.ranges) & (strengths >= sensor.threshold)
     true = np.where(seen, echoes.ranges, 0.0)
     measured = true + gauss * np.sqrt(noise.sigma2 * true / sensor.max_range)
-    measured = np.where(wild < noise.outliers, wild_range, measured)
+    measured = np.where(outlier < noise.outliers, outlier_range, measured)
     if sensor.resolution > 0:
         measured = np.rint(measured / sensor.resolution) * sensor.resolution
     kept = seen & (lost >= noise.dropouts) & (measured >= sensor.min_range) & (measured <= sensor.max_range)
@@ -89,8 +88,8 @@ def disturb(
 def scan_of(
     echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan", times: np.ndarray | None = None
 ) -> Scan:
-    """The scan of measured echoes: points in the sensor frame, without the empty beams; `times` are those of the beams,
-    (rows, columns) [s] after the stamp, None: all at the stamp. Raises InputError: no beam brings an echo back."""
+    """Make a scan of echoes: points in the sensor frame of the beams with an echo. `times` are those of the beams,
+    (rows, columns) [s] after the stamp; None: all at the stamp. Raises InputError: no beam has an echo."""
     kept = np.isfinite(echoes.ranges)
     if not kept.any():
         raise InputError(
@@ -107,18 +106,18 @@ def scan_of(
     )
 
 
-FADING, FADED = 4.0, 3.0  # width of what fades together [beams], standard deviation [dB]
+FADING, FADED = 4.0, 3.0  # correlation width [beams] and standard deviation [dB] of fading
 
 
 def fade(echoes: Echoes, rng: np.random.Generator) -> Echoes:
-    """Echoes stronger and weaker by patches, as water and surface have it."""
+    """Make echoes stronger and weaker in patches, as water and surfaces do."""
     fading = gaussian_filter(rng.standard_normal(echoes.ranges.shape), FADING, mode="wrap")
     return Echoes(echoes.ranges, echoes.strengths * 10 ** (FADED / 10 * fading / fading.std()))
 
 
 def pick_strongest(echoes: Echoes, lobe: float) -> Echoes:
-    """For every beam of (rows, columns) range and strength of the strongest echo of its lobe, weighted by the lobe,
-    whose standard deviation is in beams; it is taken over twice as many to either side."""
+    """Replace the echo of every beam by the strongest one of its lobe, a Gaussian of standard deviation `lobe` [beams]
+    that is cut off at twice that. The strength is weighted by the lobe."""
     reach = int(np.ceil(2 * lobe))
     padded = Echoes(np.pad(echoes.ranges, reach, constant_values=np.inf), np.pad(echoes.strengths, reach))
     rows, columns = echoes.ranges.shape
@@ -133,29 +132,29 @@ def pick_strongest(echoes: Echoes, lobe: float) -> Echoes:
     return best
 
 
-MIRROR_LOSS_DB = 6.0  # of an echo that goes over a mirror there and back: 3 dB each way, as from a rough bed
-SKIN = 1e-3  # a mirrored ray starts this far off the mirror, so that it does not meet it again [m]
+MIRROR_LOSS_DB = 6.0  # of an echo reflected by a mirror there and back: 3 dB each, as from a rough bed
+SKIN = 1e-3  # offset of a mirrored ray's start from the mirror, which it would hit again [m]
 
 
 def reflect(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:
-    """The echoes of the second surface along every beam, reached over the first as over a mirror.
+    """Echoes of the second surface along every beam, which the first surface mirrors.
 
-    A beam goes on from the first surface in the direction of the mirrored ray, meets a second one, and its echo
-    comes back by the same path. The sonar knows of no mirror: it reports the length of the whole path, in the beam's
-    own direction. Such a ghost lies where the second surface would be seen in the mirror, behind the first one.
+    A beam is mirrored by the first surface, meets a second one, and its echo comes back along the same path. The sonar
+    reports the length of the whole path in the direction of the beam: the ghost lies behind the first surface, at the
+    mirror image of the second one.
 
-    For a sensor under water the surface z = 0 is a mirror, too, and what lies above it gives no ghost; a sensor above
-    it is taken for one in a world without. The strength is Lambert's law at the second surface, less 6 dB. The ranges
-    are the lengths of the whole paths [m], inf where there is no second surface within the sensor's ranges.
+    For a sensor under water the water's surface z = 0 is a mirror, too, and surfaces above it give no ghost; for a
+    sensor above it there is no water. The strength is Lambert's law at the second surface, less 6 dB. The ranges are
+    the lengths of the whole paths [m], inf if there is no second surface within the sensor's ranges.
     """
     origin, directions = beams(sensor, T_world_sensor)
     return reflect_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)
 
 
 def reflect_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions: np.ndarray) -> Echoes:
-    """As `reflect`, every beam from a place of its own: origins [m] and unit vectors, both (rows * columns, 3), world.
+    """As `reflect`, with one origin per beam: origins [m] and unit vectors, both (rows * columns, 3), world.
 
-    All places are taken to be under water, or all above it, as the first is.
+    If the first origin is under water, all of them are taken to be.
     """
     distances, normals = scene.intersect_with_normals(origins, directions)
     under_water = bool(origins[0, 2] < 0)
@@ -163,7 +162,7 @@ def reflect_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions:
         distances, normals = _meet_water(origins, directions, distances, normals)
     met = np.flatnonzero(np.isfinite(distances) & (distances > 0))
     mirrors = origins[met] + distances[met, None] * directions[met]
-    onward, sines = _go_on(scene, mirrors, directions[met], normals[met], under_water)
+    onward, sines = _second_surface(scene, mirrors, directions[met], normals[met], under_water)
     ranges, sine_grazing = np.full(len(directions), np.inf), np.zeros(len(directions))
     ranges[met] = distances[met] + onward
     sine_grazing[met] = sines
@@ -174,22 +173,22 @@ def reflect_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions:
 def measure(
     scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform, echoes: Echoes, noise: Noise, rng: np.random.Generator
 ) -> Echoes:
-    """What a sensor reports of the `echoes` from a pose: with noise, and with ghosts where the noise has them."""
+    """Add noise to the `echoes` from a pose, with ghosts if the noise has them."""
     ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
     return disturb(echoes, sensor, noise, rng, ghosts)
 
 
-def _go_on(
+def _second_surface(
     scene: Scene, mirrors: np.ndarray, directions: np.ndarray, normals: np.ndarray, under_water: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Distances (M,) [m] from the mirrors, (M, 3), to the second surface, inf without one, and its grazing sines."""
+    """Distances (M,) [m] from the mirrors (M, 3) to the second surface, inf without one, and its grazing sines."""
     closing = np.einsum("ij,ij->i", directions, normals)[:, None]
     mirrored = directions - 2 * closing * normals
     starts = mirrors - SKIN * np.sign(closing) * normals
     shifted, second = scene.intersect_with_normals(starts, mirrored)
     seen = np.isfinite(shifted)
     ends = starts + np.where(seen, shifted, 0.0)[:, None] * mirrored
-    # the distance to the second surface's plane from the mirror itself, no longer from where the ray was made to start
+    # distance to the second surface's plane from the mirror itself, not from the offset start of the ray
     slope = np.einsum("ij,ij->i", second, mirrored)
     height = np.einsum("ij,ij->i", second, ends - mirrors)
     onward = np.divide(height, slope, out=np.full(len(slope), np.inf), where=seen & (slope != 0))
@@ -201,7 +200,7 @@ def _go_on(
 def _meet_water(
     origins: np.ndarray, directions: np.ndarray, distances: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Distances and normals with the water's surface in them, where a beam from below meets it first."""
+    """Distances and normals, with those of the water's surface where a beam from below meets it first."""
     rising = directions[:, 2] > 0
     to_water = np.full(len(directions), np.inf)
     to_water[rising] = -origins[rising, 2] / directions[rising, 2]

@@ -1,4 +1,4 @@
-"""How much of one scan another one saw, the truth between them known."""
+"""Overlap of two scans with a known true transform."""
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -9,7 +9,7 @@ from sonarmap.tools.lab.simulate.sensing.sensors import Sensor, cast
 
 OVERLAP_RADIUS = 2.0  # [m]
 HIDDEN = 1e-3  # a surface nearer than a point by this share of the sensor's range hides it
-ROUNDING = 1e-9  # of a direction [rad]: the outermost beams are in view
+ROUNDING = 1e-9  # tolerance of a direction [rad], so that the outermost beams are in view
 
 
 def overlap(
@@ -19,25 +19,25 @@ def overlap(
     return share_near(KDTree(target), T_target_source.apply(source), radius)
 
 
-def share_near(known: KDTree, points: np.ndarray, radius: float) -> float:
+def share_near(tree: KDTree, points: np.ndarray, radius: float) -> float:
     """The share of `points` (N, 3) that have a neighbor within `radius` [m]."""
-    distance, _ = known.query(points, distance_upper_bound=radius)
+    distance, _ = tree.query(points, distance_upper_bound=radius)
     return float(np.isfinite(distance).mean())
 
 
 def mutual_overlap(
     target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
 ) -> float:
-    """The smaller of both ways' overlaps, as Registration.overlap means it."""
+    """The smaller overlap of both directions, as in Registration.overlap."""
     return min(overlap(target, source, T_target_source, radius), overlap(source, target, T_target_source.inv(), radius))
 
 
 def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_world_source: RigidTransform) -> float:
-    """The share of what one scan shows that lies in the other's view: the smaller of both ways, 0..1.
+    """The share of one scan's points that are in the other's view, the smaller of both directions, 0..1.
 
-    A point is in view if it lies in the fan and the range and nothing hides it. Points far off, which may stand
-    farther apart than any radius, count as much as near ones: unlike `mutual_overlap` this does not fall with the
-    density of the beams. It needs the scene; noise plays no part.
+    A point is in view if it is in the fan and in range and nothing hides it. Far points, which may lie farther apart
+    than any radius, count as much as near ones: unlike `mutual_overlap` this does not depend on the density of the
+    beams. It needs the scene and ignores noise.
     """
     target, source = (visible_points(scene, sensor, pose) for pose in (T_world_target, T_world_source))
     if not len(target) or not len(source):
@@ -50,7 +50,7 @@ def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_
 
 
 def visible_points(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> np.ndarray:
-    """What a scan without noise shows from a pose: (N, 3) [m], world frame."""
+    """Points (N, 3) [m, world] of a noise-free scan from a pose."""
     echoes = cast(scene, sensor, T_world_sensor)
     kept = np.isfinite(echoes.ranges) & (echoes.strengths >= sensor.threshold)
     return T_world_sensor.apply(sensor.directions()[kept] * echoes.ranges[kept][:, None])

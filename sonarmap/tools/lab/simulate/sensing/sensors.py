@@ -1,4 +1,4 @@
-"""Sensor models, and what one sees of a scene from a pose: ranges and echo strengths, free of noise."""
+"""Sensor models, and their noise-free echoes of a scene from a pose: ranges and strengths."""
 
 import math
 from dataclasses import dataclass, replace
@@ -13,30 +13,30 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 
-_FARTHEST = COORDINATE_LIMIT  # [m]: what lies farther is read from no file
+_FARTHEST = COORDINATE_LIMIT  # [m]: points farther off cannot be read from a file
 ABSORPTION_DB = 0.06  # of sea water at 240 kHz, one way [dB/m]
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A 3D sonar: one range a beam, the beams evenly spaced in azimuth and elevation over the field of view."""
+    """A 3D sonar: one range per beam, the beams evenly spaced in azimuth and elevation over the field of view."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    name: str  # what to call it
+    name: str
     horizontal: float  # field of view, the angle between the outer beams [rad]
     vertical: float  # field of view, likewise [rad]
     columns: int  # beams in azimuth
     rows: int  # beams in elevation
-    min_range: float  # what lies nearer gives no echo [m]
-    max_range: float  # what lies farther gives no echo [m]
+    min_range: float  # nearer surfaces give no echo [m]
+    max_range: float  # farther surfaces give no echo [m]
     tilt: float = 0.0  # angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level
-    # how much weaker an echo is, there and back, at half the horizontal field off the fan's middle than in it [dB];
-    # between and beyond it goes with the square of the angle, as a Gaussian main lobe does. 0: no loss anywhere.
+    # two-way loss of an echo at half the horizontal field of view from the fan's middle [dB]; it grows with the square
+    # of the angle, as in a Gaussian main lobe. 0: no loss
     edge_loss: float = 0.0
     absorption: float = ABSORPTION_DB  # of the water at the sensor's frequency, one way [dB/m]
     threshold: float = 0.0  # echoes weaker than this are discarded, linear as Echoes.strengths; 0 keeps all
-    resolution: float = 0.0  # ranges come in steps of this [m]; 0: as they are
+    resolution: float = 0.0  # step of the ranges [m]; 0: exact ranges
 
     def __post_init__(self) -> None:
         fan = 0 < self.horizontal < 2 * math.pi and 0 < self.vertical < math.pi
@@ -65,7 +65,7 @@ class Sensor:
         return level @ Rotation.from_euler("y", self.tilt).as_matrix().T
 
     def pattern(self) -> np.ndarray:
-        """(rows, columns) float64: the strength of an echo from each beam's direction against the middle's, 0..1."""
+        """(rows, columns) float64: two-way strength of each beam relative to the middle of the fan, 0..1."""
         middle = np.array((math.cos(self.tilt), 0.0, -math.sin(self.tilt)))
         off_middle = np.arccos(np.clip(self.directions() @ middle, -1.0, 1.0))
         return 10 ** (-self.edge_loss / 10 * (off_middle / (self.horizontal / 2)) ** 2)
@@ -78,39 +78,39 @@ def bare(sensor: Sensor) -> Sensor:
 
 # The Tritech Eclipse (paper Sect. 4.1: 240 kHz, 256 beams over 120 degrees, an effective angular resolution of 0.5
 # degrees, here the beams' spacing, ranges in steps of 2.5 cm, weak echoes discarded), mounted under a vessel and
-# tilted toward the bed. The paper gives neither beam pattern nor threshold: 12 dB each way at the edge, and echoes
-# of a 500th of a wall's close by, leave about 90 of the 120 degrees, as it reports
+# tilted toward the bed. The paper gives neither beam pattern nor threshold: 12 dB each way at the edge, and a
+# threshold of 1/500 of a near wall's echo, leave about 90 of the 120 degrees, as it reports
 _FAN = math.radians(120), math.radians(90), 256, 192
 ECLIPSE = Sensor("eclipse", *_FAN, 0.4, 120.0, tilt=math.radians(20), edge_loss=24.0, threshold=0.002, resolution=0.025)
 # The paper's simulated sensor (Sect. 3): the same fan, its range as long as the 256 m grid
 PAPER = Sensor("paper", *_FAN, 0.4, 256.0)
-# The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern: there is no loss to the edge
+# The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern, so the edge has no loss
 SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
 SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
 
 
 @dataclass(frozen=True, slots=True)
 class Echoes:
-    """What each beam brings back."""
+    """One echo per beam."""
 
-    ranges: np.ndarray  # (rows, columns) float64 [m]; inf where the beam meets nothing within the sensor's ranges
+    ranges: np.ndarray  # (rows, columns) float64 [m]; inf without a surface within the sensor's ranges
     strengths: np.ndarray  # (rows, columns) float64, linear, 0..1; 0 where there is no echo
 
 
 def cast(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:
-    """The nearest surface along every beam, as seen from one pose; also echoes too weak for the sensor's threshold."""
+    """Echoes of the nearest surface along every beam from one pose, including those below the threshold."""
     origin, directions = beams(sensor, T_world_sensor)
     return cast_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)
 
 
 def cast_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions: np.ndarray) -> Echoes:
-    """As `cast`, every beam from a place of its own: origins [m] and unit vectors, both (rows * columns, 3), world."""
+    """As `cast`, with one origin per beam: origins [m] and unit vectors, both (rows * columns, 3), world."""
     ranges, sine_grazing = scene.intersect(origins, directions)
     return echoes_of(sensor, ranges, sine_grazing)
 
 
 def beams(sensor: Sensor, T_world_sensor: RigidTransform) -> tuple[np.ndarray, np.ndarray]:
-    """Where the beams start, (3,) [m], and their unit vectors, (rows * columns, 3), world frame."""
+    """The origin (3,) [m] and the unit vectors (rows * columns, 3) of the beams, world frame."""
     origin = T_world_sensor.translation
     if origin.shape != (3,):
         raise InputError(f"one pose is cast at a time; got a stack of shape {origin.shape[:-1]}")
@@ -118,12 +118,10 @@ def beams(sensor: Sensor, T_world_sensor: RigidTransform) -> tuple[np.ndarray, n
 
 
 def echoes_of(sensor: Sensor, ranges: np.ndarray, sine_grazing: np.ndarray) -> Echoes:
-    """The echoes from what the beams met: ranges [m], inf where nothing, and sines of grazing angles, (rows *
-    columns,).
+    """Echoes from the beams' ranges [m], inf without a surface, and sines of grazing angles, both (rows * columns,).
 
-    The strength is Lambert's law, the losses of the way and the beam pattern: sin^2(grazing angle) * 10^(-2 a r / 10) *
-    pattern, with the sensor's absorption a. The spreading loss is taken as made good by the receiver's time-varied
-    gain.
+    The strength is Lambert's law, absorption and the beam pattern: sin^2(grazing angle) * 10^(-2 a r / 10) * pattern,
+    with the sensor's absorption a. The receiver's time-varied gain is taken to compensate the spreading loss.
     """
     seen = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
     distance = np.where(seen, ranges, 0.0)
