@@ -1,4 +1,4 @@
-"""Pairs of scans of every kind that surveys bring home, not only the single view of a still sonar.
+"""Simulated pairs of scans by kind: distorted single views, patches, swaths, stacked images and profiler sweeps.
 
-In: a kind, a number and a seed. Out: a `KindPair`: two scans, the truth between them, and what they share.
+In: a kind, a number and a seed. Out: a `KindPair`: two scans, their true poses and their overlap.
 """

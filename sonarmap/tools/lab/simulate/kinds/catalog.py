@@ -17,9 +17,9 @@ SCAN_KINDS: MappingProxyType[str, ViewKind | SweepKind] = MappingProxyType({kind
 
 
 def kind_pair(name: str, number: int, seed: int, overlaps: tuple[float, float] | None = None) -> KindPair:
-    """Pair `number`, 0, 1, 2, ..., of the set `seed` of one kind of SCAN_KINDS: the same numbers, the same pair.
+    """Simulate pair `number`, 0, 1, 2, ..., of the set `seed` of a kind of SCAN_KINDS, the same for the same arguments.
 
-    Scenes take turns, and so do OVERLAPS unless `overlaps` gives the least and greatest share of the points in common.
+    Scenes take turns, and so do OVERLAPS unless `overlaps` gives the least and greatest overlap.
     Raises InputError: no such kind, a number below 0, or a scene that has no such pair.
     """
     if name not in SCAN_KINDS:

@@ -1,4 +1,4 @@
-"""Pairs of two views of a scene: what their number, seed and kind decide, by generators of their own."""
+"""Pairs of two views of a scene, drawn by generators that depend on the kind, the set and the pair's number."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,9 +18,9 @@ from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, bare
 from sonarmap.tools.lab.simulate.viewpoints import FAR, TRIES, Observer, View, aside, attitude, first_view
 
-SIGMA2 = (0.25, 1.0, 4.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2], in turns
-OPEN_BED = 1 / 16  # of these variances over an open bed, whose relief they would hide
-MOUNTED = np.deg2rad(30.0)  # by which a level fan is mounted nose down over an open bed [rad]
+SIGMA2 = (0.25, 1.0, 4.0)  # variances of the range at the sensor's maximum range in a scene of 256 m [m^2], in turns
+OPEN_BED = 1 / 16  # factor of these variances over an open bed, whose relief they would hide
+MOUNTED = np.deg2rad(30.0)  # tilt of a level fan over an open bed [rad]
 OPEN = ("sandflat", "shallow", "rubble")
 
 
@@ -36,14 +36,14 @@ class PairDraws:
 
 
 def pair_draws(kind: str, number: int, seed: int) -> PairDraws:
-    """Of pair `number` of the set `seed` of one kind; no two kinds share generators."""
+    """Draws of pair `number` of the set `seed` of one kind; no two kinds share generators."""
     sequence = np.random.SeedSequence([seed, number, crc32(kind.encode())])
     scene = int(sequence.generate_state(1)[0])
     return PairDraws(scene, *(np.random.default_rng(child) for child in sequence.spawn(4)))
 
 
 def noise_of(number: int, scenes: Sequence[str]) -> Noise:
-    """Of pair `number`, whose scenes take turns: each meets every overlap with every variance within nine turns."""
+    """Noise of pair `number`, whose scenes take turns; nine turns combine every overlap with every variance."""
     turn, scene = number // len(scenes), scenes[number % len(scenes)]
     sigma2 = SIGMA2[(number + turn + turn // len(SIGMA2)) % len(SIGMA2)] * SCENE_KINDS[scene].scale ** 2
     if relief_of(scene) in ("flat", "weak"):
@@ -60,11 +60,11 @@ def observer_of(scene: str, seed: int) -> Observer:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A view that is to be measured."""
+    """A view to measure, its noise, and the generators to draw from."""
 
     observer: Observer
-    view: View  # the true one
-    noise: Noise  # besides the distortion
+    view: View  # noise-free
+    noise: Noise  # in addition to the distortion
     distortion: np.random.Generator
     rng: np.random.Generator  # of the noise
     name: str  # "target" or "source"
@@ -72,22 +72,22 @@ class Shot:
 
     @property
     def stamp(self) -> float:
-        """The source's is a second later."""
+        """0 for the target, 1 for the source [s]."""
         return float(self.name == "source")
 
 
 @dataclass(frozen=True, slots=True)
 class ViewKind:
-    """Pairs of two views from anywhere, each measured as the kind does."""
+    """A kind of pair: two views of a scene, each measured with the kind's distortion."""
 
     name: str  # a key of SCAN_KINDS
     scenes: tuple[str, ...]  # keys of SCENE_KINDS, in turns; every relief is among them
-    measured: Callable[[Shot], Scan]  # what the sonar makes of a view
-    # makes the observer of a scan of the one that is still
+    measured: Callable[[Shot], Scan]  # makes the scan of a view
+    # makes the observer of a scan from a still one
     equip: Callable[[Observer, np.random.Generator], Observer] = lambda still, rng: still
 
     def pair(self, number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-        """Pair `number` of the set `seed`. Raises InputError: the scene has no such pair."""
+        """Simulate pair `number` of the set `seed`. Raises InputError: the scene has no such pair."""
         draws, noise = pair_draws(self.name, number, seed), noise_of(number, self.scenes)
         still = observer_of(scene, draws.scene)
         observers = self.equip(still, draws.poses), self.equip(still, draws.poses)
@@ -103,32 +103,32 @@ class ViewKind:
         return KindPair(self.name, number, seed, scene, scans[0], scans[1], *poses, shared)
 
 
-ACROSS = 0.5  # share of the sources that look at the target's middle from anywhere; the others stand beside it
-REACH = (0.6, 1.3)  # of such a source from that middle, in shares of the target's own distance
+ACROSS = 0.5  # share of sources that look at the middle of the target's view; the others are beside the target
+REACH = (0.6, 1.3)  # distance of such a source from that middle, in shares of the target's
 
 
 def draw_views(
     observers: tuple[Observer, Observer], overlaps: tuple[float, float], rng: np.random.Generator
 ) -> tuple[View, View, float]:
-    """A target's view and a source's of one scene, and what they share, within `overlaps`: on any headings, roll and
-    pitch up to 10 degrees each. Raises InputError: none from 8 places."""
-    looker, partner = observers
+    """Draw the views of a target and a source of one scene, and their overlap, within `overlaps`; any headings, roll
+    and pitch up to 10 degrees each. Raises InputError: none for any of 8 targets."""
+    target_observer, source_observer = observers
     for _ in range(PLACES):
-        target = first_view(looker, POSE_TILT, rng)
-        poses: Callable[[], RigidTransform] = partial(_somewhere, partner, target, overlaps, rng)
-        found = partner.find_partner(target, overlaps, poses)
-        if found is not None:
-            return target, *found
+        target = first_view(target_observer, POSE_TILT, rng)
+        poses: Callable[[], RigidTransform] = partial(_draw_source, source_observer, target, overlaps, rng)
+        match = source_observer.find_partner(target, overlaps, poses)
+        if match is not None:
+            return target, *match
     raise InputError(
-        f"no two views of {looker.world.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: {PLACES} "
-        f"targets, {TRIES} sources tried for each; widen the range or take another number"
+        f"no two views of {target_observer.world.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: "
+        f"{PLACES} targets, {TRIES} sources tried for each; widen the range or take another number"
     )
 
 
-def _somewhere(
+def _draw_source(
     observer: Observer, target: View, overlaps: tuple[float, float], rng: np.random.Generator
 ) -> RigidTransform:
-    """T_world_frame of a source that may have such an overlap."""
+    """Draw T_world_frame of a source that may have such an overlap."""
     if rng.random() < ACROSS:
         return _across(observer, target, overlaps, rng)
     place, turned = aside(observer, target, overlaps, rng)
@@ -139,7 +139,7 @@ def _somewhere(
 def _across(
     observer: Observer, target: View, overlaps: tuple[float, float], rng: np.random.Generator
 ) -> RigidTransform:
-    """T_world_frame that looks on any heading toward the middle of what the target sees, or past it; in the scene."""
+    """Draw T_world_frame within the scene that looks at the middle of the target's view, or past it, from any side."""
     far = 1 - rng.uniform(*overlaps)
     edge = np.array(observer.world.kind.size) / 2
     height = target.T_world_sensor.translation[2]

@@ -1,7 +1,7 @@
-"""A stacked imaging sonar: images of range and azimuth, taken at many depths or tilts, the elevation of echoes guessed.
+"""A stacked imaging sonar: images of range and azimuth, taken at many depths or tilts, without elevation.
 
-Every echo is placed in the middle of its beam. The beams are those of a Blueprint Oculus as real stacks of a swimming
-pool show them: 256 azimuths, evenly spaced in their sine. The sizes below are those of these stacks.
+Every echo is placed at the middle elevation of its beam. The beams are those of a Blueprint Oculus in real stacks of a
+swimming pool: 256 azimuths, evenly spaced in their sine. The constants below are those of these stacks.
 """
 
 import math
@@ -20,45 +20,45 @@ BEAMS, RAYS = 256, 11
 AZIMUTHS = math.radians(130)
 APERTURES = (math.radians(15), math.radians(25))  # of a beam in elevation, least and greatest
 TILTED_APERTURE = math.radians(12)  # of a stack of tilts: the narrow beam of a higher frequency
-IMAGES = (90, 150)
-HOVERING = (0.2, 0.45)  # share of the images of a stack of depths at its lowest
+IMAGES = (90, 150)  # number of images of a stack, the upper end excluded
+HOVERING = (0.2, 0.45)  # share of the images of a stack of depths at its lowest depth
 TILTS = (math.radians(8), math.radians(58))  # of the beam's middle below the horizontal, first and last
-ABOVE = (0.06, 0.16)  # of a stack of tilts above the ground, in shares of the maximum range
+ABOVE = (0.06, 0.16)  # height of a stack of tilts above the ground, in shares of the maximum range
 WALLED = ("floodgate", "harbor", "bridge", "pool")  # scenes with walls to see from beside them
-STACKED_BY_DEPTH = 2 / 3  # share of the stacks there
-THRESHOLD = 0.005  # of an echo against a wall's close by
+STACKED_BY_DEPTH = 2 / 3  # share of stacks of depths in these scenes
+THRESHOLD = 0.005  # of an echo, relative to that of a near wall
 CELL = 1 / 400  # length of the pulse, in shares of the maximum range
-DETECTORS = (0.25, 1.0)  # an echo is the first of this share of the strongest's energy
+DETECTORS = (0.25, 1.0)  # share of the strongest echo's energy at which the first one is detected
 
 # Standard deviations at either end of a stack against its middle
-DRIFT = 1.1  # East and North in a scene of 256 m, with the root of the scale: 0.35 m in a pool of 25 m [m]
+DRIFT = 1.1  # East and North in a scene of 256 m [m], times the root of the scale: 0.35 m in a pool
 YAW_DRIFT = math.radians(1.5)
-MOUNT = math.radians(1.0)  # standard deviation of the sonar's pitch and roll against what is believed
+MOUNT = math.radians(1.0)  # standard deviation of the errors of the sonar's pitch and roll
 FRAME_TILT = math.radians(0.5)  # standard deviation of roll and pitch of a stack's frame
 
-MULTIPATH = (0.01, 0.05)  # share of the echoes that come by way of a second surface, or of the vehicle
-AGAIN = 0.5  # share of these that went to and fro twice
-SIDE_LOBES = (0.01, 0.04)  # share of the beams that hear the image's loudest echo through a side lobe
+MULTIPATH = (0.01, 0.05)  # share of the echoes that are multipath, by a second surface or the vehicle
+AGAIN = 0.5  # share of these that travel to the first surface and back twice
+SIDE_LOBES = (0.01, 0.04)  # share of beams with the image's strongest echo, through a side lobe
 
 
 @dataclass(frozen=True, slots=True)
 class Imager:
     """An imaging sonar on its vehicle."""
 
-    water: Water  # that it looks at
+    water: Water
     fan: Fan  # its beams
     by_depth: bool  # whether images are stacked over depths, else over tilts
-    detector: float  # share of the strongest echo's energy that an earlier one needs
-    multipath: float  # share of the beams whose echo comes by way of a second surface
-    side_lobes: float  # share of the beams that hear the loudest echo through a side lobe
+    detector: float  # share of the strongest echo's energy at which an earlier one is detected
+    multipath: float  # share of the beams whose echo is multipath
+    side_lobes: float  # share of the beams with the strongest echo of the image instead of their own
 
     def target(self, rng: np.random.Generator) -> Sweep:
-        """A stack anywhere in the scene, looking anywhere."""
+        """Draw a stack anywhere in the scene."""
         place = self.water.place(rng)
         return self._stack(place, heading_at(place, self.water.scene.kind, rng), rng)
 
     def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
-        """A stack aside, the farther and the more turned the less is to be shared."""
+        """Draw a stack beside the target, farther away and turned more for a smaller overlap."""
         far = 1 - rng.uniform(*overlaps)
         here, heading = target.T_world_frame.translation, target.T_world_frame.rotation.as_euler("ZYX")[0]
         reach = min(self.fan.sensor.max_range, self.water.edge.min()) * 0.6
@@ -71,18 +71,17 @@ class Imager:
     def returns(
         self, ranges: np.ndarray, strengths: np.ndarray, sweep: Sweep, rng: np.random.Generator | None
     ) -> Returns:
-        """One echo a beam, speckled; some by a longer way, some through a side lobe."""
+        """One echo per beam, speckled; some are multipath, some came through a side lobe."""
         cell = CELL * self.fan.sensor.max_range
         if rng is None:
             return pick(self.fan, ranges, strengths, cell, self.detector)
         speckled = strengths * rng.standard_exponential(strengths.shape)
-        return self._smeared(self._longer(pick(self.fan, ranges, speckled, cell, self.detector), sweep, rng), rng)
+        returns = self._add_multipath(pick(self.fan, ranges, speckled, cell, self.detector), sweep, rng)
+        return self._add_side_lobes(returns, rng)
 
-    def _longer(self, returns: Returns, sweep: Sweep, rng: np.random.Generator) -> Returns:
-        """A share of the echoes replaced by the second surface that the beam meets in the first as in a mirror.
-
-        Others went to the first surface and back twice, by way of the vehicle or the water's surface.
-        """
+    def _add_multipath(self, returns: Returns, sweep: Sweep, rng: np.random.Generator) -> Returns:
+        """Replace a share of the echoes by multipath: by a second surface that the first one mirrors, or twice over the
+        first one by the vehicle or the water's surface."""
         chosen = (rng.random(returns.ranges.shape) < self.multipath) & np.isfinite(returns.ranges)
         again = rng.random(returns.ranges.shape)[chosen] < AGAIN
         ping, beam = np.nonzero(chosen)
@@ -94,11 +93,11 @@ class Imager:
         second, _ = scene.intersect(mirrors, onward - 2 * closing * normals)
         ranges = returns.ranges.copy()
         ranges[chosen] = np.where(again | np.isinf(second), 2 * way, way + second)
-        heard = ranges <= self.fan.sensor.max_range
-        return Returns(np.where(heard, ranges, np.inf), np.where(heard, returns.strengths, 0.0), returns.rays)
+        in_range = ranges <= self.fan.sensor.max_range
+        return Returns(np.where(in_range, ranges, np.inf), np.where(in_range, returns.strengths, 0.0), returns.rays)
 
-    def _smeared(self, returns: Returns, rng: np.random.Generator) -> Returns:
-        """A share of the beams at the range of their image's loudest echo: arcs of constant range."""
+    def _add_side_lobes(self, returns: Returns, rng: np.random.Generator) -> Returns:
+        """Move a share of the echoes to the range of their image's strongest echo: arcs of constant range."""
         loudest = returns.strengths.argmax(axis=1)[:, None]
         chosen = (rng.random(returns.ranges.shape) < self.side_lobes) & (returns.strengths.max(axis=1) > 0)[:, None]
         return Returns(
@@ -108,7 +107,7 @@ class Imager:
         )
 
     def _stack(self, place: np.ndarray, heading: float, rng: np.random.Generator) -> Sweep:
-        """Images over depths or tilts, from a vehicle that drifts and does not know it."""
+        """Draw a stack of images over depths or tilts, from a vehicle with unknown drift."""
         count, scale = int(rng.integers(*IMAGES)), self.water.scale
         height, tilt = self._depths(place, count, rng) if self.by_depth else self._tilts(place, count, rng)
         middle = height[count // 2]
@@ -130,7 +129,7 @@ class Imager:
         return Sweep(T_world_frame, T_frame_ping, T_frame_believed)
 
     def _depths(self, place: np.ndarray, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Heights [m] from below the surface down to above the ground, a share of them there; tilts of 0."""
+        """Heights [m] from below the surface down to above the ground, where it hovers; tilts of 0 [rad]."""
         low, top = float(self.water.ground(place[None])[0]), self.water.top
         clear = 0.1 * (top - low)
         hovering = round(rng.uniform(*HOVERING) * count)
@@ -140,14 +139,14 @@ class Imager:
         return heights, np.zeros(count)
 
     def _tilts(self, place: np.ndarray, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """One height [m] above the ground; tilts from nearly level to steep."""
+        """One height [m] above the ground; tilts [rad] from nearly level to steep."""
         above = rng.uniform(*ABOVE) * self.fan.sensor.max_range
         height = min(float(self.water.ground(place[None])[0]) + above, self.water.top - 0.02 * above)
         return np.full(count, height), np.linspace(*TILTS, count)
 
 
 def imager(water: Water, rng: np.random.Generator) -> Imager:
-    """A sonar whose middle beam looks along x. Where no walls stand, images are stacked over tilts."""
+    """Draw a sonar whose middle beam looks along x. In scenes without walls, it stacks images over tilts."""
     by_depth = water.scene.name in WALLED and bool(rng.random() < STACKED_BY_DEPTH)
     aperture = rng.uniform(*APERTURES) if by_depth else TILTED_APERTURE
     suits = water.sensor

@@ -1,4 +1,4 @@
-"""Two sweeps of one scene with a wanted overlap: searched with few rays, decided with all."""
+"""Search for two sweeps of a scene with a wanted overlap: few rays propose, all rays decide."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
 from sonarmap.tools.lab.simulate.viewpoints import Candidate, WantedOverlap, find_partner
 
-PLACES = 6  # of the target, before a pair is given up
-TRIES = 60  # of either sweep at each place
+PLACES = 6  # targets that are tried before a pair is given up
+TRIES = 60  # sources that are tried for each target
 THIN = 8  # the coarse search takes every THIN-th ping and beam
-DOUBT = 0.12  # an overlap by the coarse points is at most this far from the one by all
-SEEN_LEAST = 0.2  # of the beams
-STRUCTURED = ("rich", "twins")  # reliefs of scenes that show a scan more than their bed
-STRUCTURE = 0.05  # least share of such a scan's points off the plane that fits it best
-BED_RELIEF = 0.015  # by which they are off it, in shares of the maximum range
+DOUBT = 0.12  # largest difference between the overlap of the coarse points and that of all
+SEEN_LEAST = 0.2  # least share of the beams with an echo
+STRUCTURED = ("rich", "twins")  # reliefs of scenes that show more than their bed
+STRUCTURE = 0.05  # least share of a scan's points there that are off their best-fitting plane
+BED_RELIEF = 0.015  # least distance of these from the plane, in shares of the maximum range
 
 
 class Instrument(Protocol):
@@ -32,23 +32,23 @@ class Instrument(Protocol):
     def fan(self) -> Fan: ...
 
     def target(self, rng: np.random.Generator) -> Sweep:
-        """A sweep anywhere in the scene."""
+        """Draw a sweep anywhere in the scene."""
         ...
 
     def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
-        """A sweep that may have such an overlap with the target."""
+        """Draw a sweep that may have such an overlap with the target."""
         ...
 
     def returns(
         self, ranges: np.ndarray, strengths: np.ndarray, sweep: Sweep, rng: np.random.Generator | None
     ) -> Returns:
-        """The picked echoes of what all rays meet; without a generator, free of noise and distortion."""
+        """Pick one echo per beam from those of all rays; without a generator, free of noise and distortion."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A sweep, what its rays meet, and where the echoes came from: (N, 3) [m], frame of the scan."""
+    """A sweep, the echoes of its rays, and the true points (N, 3) of the picked ones [m, frame of the scan]."""
 
     sweep: Sweep
     ranges: np.ndarray
@@ -58,21 +58,21 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class SweepKind:
-    """Pairs of two sweeps of an instrument through one scene."""
+    """A kind of pair: two sweeps of one scene by one instrument."""
 
     name: str  # a key of SCAN_KINDS
     scenes: tuple[str, ...]  # keys of SCENE_KINDS, in turns; every relief is among them
     equip: Callable[[Water, np.random.Generator], Instrument]  # draws the instrument
-    seen_from: bool = True  # whether the points of even numbers say where they were seen from
+    seen_from: bool = True  # whether scans of even numbers have viewpoints
 
     def pair(self, number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-        """As `kind_pair` makes it. Raises InputError: no such pair was found."""
+        """Simulate pair `number` of the set `seed`. Raises InputError: no such pair was found."""
         draws = pair_draws(self.name, number, seed)
         water = Water(build_scene(scene, draws.scene))
         instrument = self.equip(water, draws.poses)
         target, source, shared = _search(water, instrument, overlaps, draws.poses)
         noise = noise_of(number, self.scenes)
-        # of a sonar that listens up to a share of the range that the noise is of; without ghosts
+        # scale the noise from the maximum range of the scene's sensor to that of the sonar; no ghosts
         gate = instrument.fan.sensor.max_range / water.sensor.max_range
         noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
         scans = []
@@ -87,7 +87,7 @@ class SweepKind:
 def _search(
     water: Water, instrument: Instrument, overlaps: tuple[float, float], rng: np.random.Generator
 ) -> tuple[Seen, Seen, float]:
-    """Target, source and what they share."""
+    """Draw a target and a source, and their overlap."""
 
     def candidates(target: Sweep) -> Iterator[Candidate[Seen]]:
         for _ in range(TRIES):
@@ -99,9 +99,9 @@ def _search(
     wanted = WantedOverlap(*overlaps, OVERLAP_RADIUS * water.scale, DOUBT, THIN**2)
     for _ in range(PLACES):
         target = _first(water, instrument, rng)
-        found = find_partner(target.points, target.sweep.T_world_frame, candidates(target.sweep), wanted)
-        if found is not None:
-            return target, *found
+        match = find_partner(target.points, target.sweep.T_world_frame, candidates(target.sweep), wanted)
+        if match is not None:
+            return target, *match
     raise InputError(
         f"no two sweeps of {water.scene.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: {PLACES} "
         f"targets, {TRIES} sources tried for each; widen the range or take another number"
@@ -109,18 +109,18 @@ def _search(
 
 
 def _first(water: Water, instrument: Instrument, rng: np.random.Generator) -> Seen:
-    """A target that sees enough."""
+    """Draw a target that sees enough."""
     for _ in range(4 * TRIES):
         sweep = instrument.target(rng)
         if _coarse(water, instrument.fan, sweep) is not None and (seen := _look(water, instrument, sweep)) is not None:
             return seen
     raise InputError(
-        f"{water.scene.name} has no clear way for a sweep of {instrument.fan.sensor.name}; take another scene"
+        f"{water.scene.name} has no clear path for a sweep of {instrument.fan.sensor.name}; take another scene"
     )
 
 
 def _look(water: Water, instrument: Instrument, sweep: Sweep) -> Seen | None:
-    """What all rays show; None where the way is blocked or too little is seen."""
+    """The sweep as seen by all rays; None if its path is blocked or it sees too little."""
     ranges, strengths = meet(water.scene, instrument.fan, sweep.T_world_ping)
     returns = instrument.returns(ranges, strengths, sweep, None)
     if not water.is_clear(returns.ranges, SEEN_LEAST):
@@ -134,7 +134,7 @@ def _look(water: Water, instrument: Instrument, sweep: Sweep) -> Seen | None:
 
 
 def _coarse(water: Water, fan: Fan, sweep: Sweep) -> np.ndarray | None:
-    """Points (N, 3) [m], frame of the scan, of a few rays; None where these already show that the sweep will not do."""
+    """Points (N, 3) [m], frame of the scan, of a few rays; None if they already rule the sweep out."""
     few, pings = fan.thinned(THIN), sweep.thinned(THIN)
     T_world_ping = pings.T_world_ping
     if not water.is_free(T_world_ping.translation):
@@ -147,8 +147,8 @@ def _coarse(water: Water, fan: Fan, sweep: Sweep) -> np.ndarray | None:
 
 
 def _shows_structure(water: Water, points: np.ndarray, least: float) -> bool:
-    """Whether a share `least` of the points (N, 3) [m] lies off the plane that fits them best, where a scene has more
-    to show than its bed."""
+    """Whether a share `least` of the points (N, 3) [m] lies off their best-fitting plane, or the scene has no more than
+    its bed to show."""
     if relief_of(water.scene.name) not in STRUCTURED:
         return True
     away = points - points.mean(axis=0)

@@ -1,7 +1,7 @@
-"""Patches merged from several looks of a 3D sonar along a short path: no single viewpoint, odometry's errors inside.
+"""Patches: several looks of a 3D sonar along a short path, merged by odometry with its errors.
 
-A front end hands such patches to registration when single scans are too sparse: the looks are placed by odometry,
-strays are dropped, and one point is kept per cell. Odometry drifts: a random walk away from the middle look, whose
+A front end passes such patches to registration when single scans are too sparse: it places the looks by odometry, drops
+stray points and keeps one point per cell. The errors of odometry are a random walk away from the middle look, whose
 frame is the patch's.
 """
 
@@ -18,30 +18,30 @@ from sonarmap.tools.lab.simulate.sensing.noise import measure, scan_of
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
 from sonarmap.tools.lab.simulate.viewpoints import Observer, View
 
-COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the last
+COARSE_LOOKS = 3  # looks of the coarse search: the first, a middle one and the last
 
 
 @dataclass(frozen=True, slots=True)
 class PathView(View):
-    """What is seen along a path; `echoes` are those of the middle look, `points` are of all, thinned."""
+    """A view along a path: `echoes` of the middle look, and `points` of all looks, thinned."""
 
-    looks: tuple[View, ...]  # from each pose of the path
+    looks: tuple[View, ...]  # one from each pose of the path
 
 
 @dataclass(frozen=True)
 class PathObserver(Observer):
-    """An observer whose pose is that of the middle of a path."""
+    """An observer that looks along a path; its pose is that of the middle look."""
 
     T_middle_look: RigidTransform  # (K,) poses of the looks
     cell: float  # of the grid that the points are thinned by [m]
 
     @cached_property
     def _still(self) -> Observer:
-        """The same sensor, looking once."""
+        """An observer with the same sensor that looks once."""
         return Observer(self.world, self.sensor)
 
     def view(self, pose: RigidTransform) -> PathView | None:
-        """What all looks show; None where one of them would be in a solid, too close to one, or see too little."""
+        """The merged view of all looks; None if one of them is in a solid, too close to one, or sees too little."""
         looks = []
         for look_pose in self._look_poses(pose, len(self.T_middle_look)):
             look = self._still.view(look_pose)
@@ -52,7 +52,7 @@ class PathObserver(Observer):
         return PathView(pose, looks[len(looks) // 2].echoes, points[thinned(points, self.cell)], tuple(looks))
 
     def is_free(self, pose: RigidTransform) -> bool:
-        """Whether all looks are out of every solid and in the water."""
+        """Whether all looks are outside all solids and in the water."""
         return all(self._still.is_free(look) for look in self._look_poses(pose, len(self.T_middle_look)))
 
     def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
@@ -67,7 +67,7 @@ class PathObserver(Observer):
         return points[thinned(points, self.cell)]
 
     def _look_poses(self, pose: RigidTransform, count: int) -> list[RigidTransform]:
-        """T_world_look of `count` looks, evenly over the path."""
+        """T_world_look of `count` looks, spread evenly over the path."""
         chosen = np.linspace(0, len(self.T_middle_look) - 1, count).round().astype(int)
         return [pose * self.T_middle_look[k] for k in chosen]
 
@@ -78,7 +78,7 @@ def _merged(pose: RigidTransform, parts: list[tuple[RigidTransform, np.ndarray]]
 
 
 def thinned(points: np.ndarray, cell: float) -> np.ndarray:
-    """Indices of the first of `points` (N, 3) in each cell of a grid that holds any, ascending."""
+    """Ascending indices of the first of `points` (N, 3) in each occupied cell of a grid."""
     return np.sort(np.unique(_cells(points, cell), return_index=True)[1])
 
 
@@ -89,27 +89,27 @@ def lonely(points: np.ndarray, cell: float) -> np.ndarray:
 
 
 def _cells(points: np.ndarray, cell: float) -> np.ndarray:
-    """A number (N,) for the cell of each point."""
+    """Keys (N,) of the cells of points."""
     index = np.floor(points / cell).astype(np.int64)
     index -= index.min(axis=0)
     shape = index.max(axis=0) + 1
     return (index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2]
 
 
-LOOKS = (4, 11)  # of a patch, the upper end excluded
-STEP = (0.015, 0.04)  # from look to look, in shares of the sensor's maximum range
-BEND = np.deg2rad(30.0)  # most by which a path turns from one end to the other
-CRAB = np.deg2rad(20.0)  # most by which the vehicle looks aside of where it goes
+LOOKS = (4, 11)  # number of looks of a patch, the upper end excluded
+STEP = (0.015, 0.04)  # distance between looks, in shares of the sensor's maximum range
+BEND = np.deg2rad(30.0)  # largest turn of a path from one end to the other
+CRAB = np.deg2rad(20.0)  # largest angle between the vehicle's heading and its course
 ROCKING = np.deg2rad(1.5)  # standard deviation of a look's roll and pitch against the middle one's
-BEAMS = 2  # every second beam of the sensor's rows and columns
-CELL = OVERLAP_RADIUS / 3  # one point is kept in each, in a scene of 256 m [m]
-STRAY = 3.0  # cells wide is where a point that is alone is a stray
+BEAMS = 2  # stride over the beams of the sensor's rows and columns
+CELL = OVERLAP_RADIUS / 3  # edge of the cells that keep one point each, in a scene of 256 m [m]
+STRAY = 3.0  # edge of the cells in which a single point is a stray, in cells
 # Standard deviations of odometry's error at either end of a path against its middle
 DRIFT, TURNED = 0.2, np.deg2rad(0.3)  # each coordinate in a scene of 256 m [m]; about each axis [rad]
 
 
 def on_path(still: Observer, rng: np.random.Generator) -> PathObserver:
-    """The observer with fewer beams, carried along a path of its own."""
+    """Draw a path, and carry the observer along it with fewer beams."""
     sensor, scale = still.sensor, still.world.kind.scale
     few = replace(sensor, columns=sensor.columns // BEAMS, rows=sensor.rows // BEAMS)
     path = draw_path(int(rng.integers(*LOOKS)), rng.uniform(*STEP) * sensor.max_range, rng)
@@ -117,12 +117,12 @@ def on_path(still: Observer, rng: np.random.Generator) -> PathObserver:
 
 
 def draw_path(count: int, step: float, rng: np.random.Generator) -> RigidTransform:
-    """T_middle_look of `count` looks every `step` [m] along an arc, the vehicle looking a little aside and rocking."""
+    """Draw T_middle_look of `count` looks every `step` [m] along an arc; the vehicle crabs and rocks."""
     bend, crab = rng.uniform(-BEND, BEND), rng.uniform(-CRAB, CRAB)
     way = np.arange(count) - count // 2
     turned = bend * way / count
     heading = crab + turned
-    # the heading halfway between two looks is that of the way from the one to the other
+    # the course from one look to the next is the one halfway between them
     between = crab + bend * (way[:-1] + way[1:]) / 2 / count
     places = np.concatenate([[(0, 0)], np.cumsum(step * np.column_stack([np.cos(between), np.sin(between)]), axis=0)])
     places -= places[count // 2]
@@ -135,7 +135,7 @@ def draw_path(count: int, step: float, rng: np.random.Generator) -> RigidTransfo
 
 
 def believed_path(T_middle_look: RigidTransform, scale: float, rng: np.random.Generator) -> RigidTransform:
-    """The path as odometry has it: right in the middle, drifting away from the truth to either end."""
+    """The path by odometry: exact in the middle, drifting away from the truth toward either end."""
     count = len(T_middle_look)
     walk = np.cumsum(rng.standard_normal((count, 6)), axis=0)
     walk = (walk - walk[count // 2]) / np.sqrt(count / 2)
@@ -145,8 +145,7 @@ def believed_path(T_middle_look: RigidTransform, scale: float, rng: np.random.Ge
 
 
 def merged_scan(shot: Shot) -> Scan:
-    """The patch that a front end makes of all looks; on even numbers its points say from where they were seen, as
-    odometry has it."""
+    """The patch that a front end merges from all looks; patches of even numbers have viewpoints, by odometry."""
     observer, view = shot.observer, shot.view
     assert isinstance(observer, PathObserver)
     assert isinstance(view, PathView)  # a PathObserver's

@@ -1,7 +1,7 @@
 """Sweeps of a rotating profiler: one narrow beam that steps around a profile while it is panned, or its vehicle turns.
 
-The vehicle drifts during the minutes of a sweep, and knows of it only in part. Points of a panned head have times: they
-are where a vehicle that stands still would have them. Those of a vehicle that turns are placed by its dead reckoning.
+The vehicle drifts during the minutes of a sweep and knows only part of its drift. Points of a panned head are placed as
+if the vehicle stood still, and have times. Those of a turning vehicle are placed by its dead reckoning.
 """
 
 import math
@@ -17,19 +17,19 @@ from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 WIDTHS = (math.radians(1.7), math.radians(3.0))  # of the beam, least and greatest
 STEPS = (math.radians(0.9), math.radians(1.8))  # along a profile
-APART = (1.2, 2.4)  # profiles against each other, in steps along them
-ARCS = ((-180.0, 180.0, 180.0), (-85.0, 40.0, 360.0), (-85.0, 40.0, 270.0))  # elevations, pan [degrees]
-ABOVE = (0.08, 0.2)  # the ground, in shares of the maximum range
-SECONDS = 1.0  # that a profile takes
-THRESHOLD = 0.02  # of an echo against a wall's close by
+APART = (1.2, 2.4)  # angle between profiles, in steps along a profile
+ARCS = ((-180.0, 180.0, 180.0), (-85.0, 40.0, 360.0), (-85.0, 40.0, 270.0))  # elevations from, to; pan [degrees]
+ABOVE = (0.08, 0.2)  # height above the ground, in shares of the maximum range
+SECONDS = 1.0  # duration of a profile [s]
+THRESHOLD = 0.02  # of an echo, relative to that of a near wall
 CELL = 1 / 500  # length of the pulse, in shares of the maximum range
 
-# Standard deviations at either end of a sweep against its middle; lengths in a scene of 256 m, with the root of the
-# scale: a vehicle that holds its place wanders by decimeters in a pool and by a meter in the sea [m]
+# Standard deviations at either end of a sweep against its middle; lengths in a scene of 256 m [m], times the root of
+# the scale: a vehicle on station drifts by decimeters in a pool and by a meter in the sea
 DRIFT, HEAVE = 0.8, 0.15
 YAW_DRIFT = math.radians(1.0)
-TURNING_DRIFT = 0.4  # likewise of a vehicle that knows its way but for the drift of its dead reckoning [m]
-WAY = 0.1  # most that such a vehicle goes on during a sweep, in shares of the maximum range
+TURNING_DRIFT = 0.4  # drift of the dead reckoning of a turning vehicle, likewise [m]
+WAY = 0.1  # longest path of such a vehicle during a sweep, in shares of the maximum range
 FRAME_TILT = math.radians(1.0)  # standard deviation of roll and pitch of a sweep's frame
 
 
@@ -37,17 +37,17 @@ FRAME_TILT = math.radians(1.0)  # standard deviation of roll and pitch of a swee
 class Profiler:
     """A profiler on its vehicle."""
 
-    water: Water  # that it looks at
+    water: Water
     fan: Fan  # one profile: the beam at all its steps
     pans: np.ndarray  # (K,) angles of the profiles about the vertical, 0 in the middle of the sweep [rad]
-    turning: bool  # whether the vehicle turns and goes on slowly, else it stands and the head is panned
+    turning: bool  # whether the vehicle turns and moves slowly; otherwise it stands and pans its head
 
     def target(self, rng: np.random.Generator) -> Sweep:
-        """A sweep anywhere in the scene, on any heading."""
+        """Draw a sweep anywhere in the scene, on any heading."""
         return self._sweep(self.water.place(rng), rng.uniform(-np.pi, np.pi), rng)
 
     def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
-        """A sweep aside, the farther the less is to be shared, on any heading."""
+        """Draw a sweep on any heading, farther from the target for a smaller overlap."""
         far = 1.2 - rng.uniform(*overlaps)
         here = target.T_world_frame.translation
         reach = min(4 * max(here[2] - self.water.bed, 0.0), 2 * self.water.edge.min())
@@ -60,7 +60,7 @@ class Profiler:
         return pick(self.fan, ranges, strengths, CELL * self.water.sensor.max_range)
 
     def _sweep(self, place: np.ndarray, heading: float, rng: np.random.Generator) -> Sweep:
-        """Profiles one after the other, from above the ground at `place`."""
+        """Draw a sweep of profiles above the ground at `place`."""
         count, size = len(self.pans), math.sqrt(self.water.scale)
         height = self.water.height(place, rng.uniform(*ABOVE) * self.water.sensor.max_range, rng)
         believed, drift = np.zeros((count, 3)), DRIFT
@@ -84,7 +84,7 @@ def _about_z(angles: np.ndarray) -> Rotation:
 
 
 def profiler(water: Water, rng: np.random.Generator) -> Profiler:
-    """A profiler whose beam steps in the plane of x and z at every pan."""
+    """Draw a profiler whose beam steps in the plane of x and z at every pan."""
     width, step = rng.uniform(*WIDTHS), rng.uniform(*STEPS)
     low, high, around = ARCS[rng.integers(len(ARCS))]
     elevation = np.deg2rad(low) + step * np.arange(round(np.deg2rad(high - low) / step))

@@ -1,15 +1,15 @@
 """Pairs of single views of a 3D sonar whose measurement is distorted: wrong ranges, few echoes, a sensor that moves.
 
 Wrong ranges: a sound speed of 1,500 m/s is wrong by 2 % in water of 1,470 or 1,530 m/s (H. Medwin, Speed of sound in
-water: a simple equation for realistic parameters, 1975, doi 10.1121/1.380790). A constant is added by delays, by where
-on the sensor a range counts from, and by where on a pulse's echo the detector triggers.
+water: a simple equation for realistic parameters, 1975, doi 10.1121/1.380790). A constant error comes from delays, from
+the sensor's reference point, and from the part of a pulse's echo that triggers the detector.
 
 A Water Linked Sonar 3D-15, as six range images of a ship's hull show it (wlsonar, tests/data/ship_short.sonar): 61 to
 67 % of the beams have a range, in patches that correlate by 0.66, 0.52, 0.42 and 0.33 over 1, 2, 4 and 8 columns; 45 %
 of the neighbors in a row have exactly the same one. So every beam picks the strongest echo of its lobe, speckle and
 slow fading included, and reports nothing where even that is weak.
 
-A moving sonar measures row after row in a second or half of one, and takes itself for standing still.
+A moving sonar measures its rows one after another within 0.5 or 1 s, as if it stood still.
 """
 
 from collections.abc import Callable
@@ -24,52 +24,52 @@ from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL, SMALL
 from sonarmap.tools.lab.simulate.sensing.noise import disturb, fade, pick_strongest, reflect, reflect_beams, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
 
-SPEED_ERROR = 0.02  # greatest relative error of the sound speed, each scan's its own
-MOST_BIAS = 0.01  # greatest constant either way, in shares of the maximum range, each scan's its own
+SPEED_ERROR = 0.02  # largest relative error of the sound speed, drawn for each scan
+MOST_BIAS = 0.01  # largest constant error, in shares of the maximum range, drawn for each scan
 
 # Of the Sonar 3D-15
 STEP = 2 * 0.000762939453125  # of a range [m]
 LOBE = 1.0  # standard deviation of a beam's main lobe, in beams
-LOST = 0.03  # share of single beams that report nothing although they could
-WEAKEST = 0.2  # of the strengths that are reported, linear as Echoes.strengths
+LOST = 0.03  # share of beams whose echo is lost at random
+WEAKEST = 0.2  # least strength that is reported, linear as Echoes.strengths
 
 # Of the moving sonar
-LONG_RANGE = 60.0  # from here on a scan takes the longer time [m]
-SCAN_TIME = (0.5, 1.0)  # of a short-range and a long-range sonar [s]
-SPEED = 1.0  # at most [m/s]
-SIDEWAYS = (1.0, 0.3, 0.2)  # of the speed: forward, to the left, up, before it is drawn how fast
-TURN = np.deg2rad(8.0)  # about the vertical at most [rad/s]
-ROCK = np.deg2rad(2.0)  # about the level axes at most [rad/s]
+LONG_RANGE = 60.0  # least maximum range of a long-range sonar [m]
+SCAN_TIME = (0.5, 1.0)  # duration of a scan of a short-range and a long-range sonar [s]
+SPEED = 1.0  # largest speed [m/s]
+SIDEWAYS = (1.0, 0.3, 0.2)  # relative bounds of the velocity forward, to the left and up
+TURN = np.deg2rad(8.0)  # largest rate of turn about the vertical [rad/s]
+ROCK = np.deg2rad(2.0)  # largest rate of turn about the level axes [rad/s]
 
 
 def distorted_scan(shot: Shot, distort: Callable[[np.ndarray], np.ndarray]) -> Scan:
-    """The scan of a still sonar that reports other ranges [m] than the true ones, its ghosts' included."""
+    """Scan of a still sonar; `distort` changes its ranges [m], those of ghosts included."""
     ghosts = _ghosts(shot)
     echoes = replace(shot.view.echoes, ranges=distort(shot.view.echoes.ranges))
     return _write(shot, echoes, ghosts and replace(ghosts, ranges=distort(ghosts.ranges)))
 
 
 def _ghosts(shot: Shot) -> Echoes | None:
-    """Of the view; None where the noise has none."""
+    """Ghosts of the view; None if the noise has none."""
     if shot.noise.ghosts == 0:
         return None
     return reflect(shot.observer.world, shot.observer.sensor, shot.view.T_world_sensor)
 
 
 def scaled_scan(shot: Shot) -> Scan:
-    """What a sonar with a wrong sound speed writes down of a view."""
+    """Scan of a view by a sonar with a wrong sound speed."""
     factor = 1 + shot.distortion.uniform(-SPEED_ERROR, SPEED_ERROR)
     return distorted_scan(shot, lambda ranges: factor * ranges)
 
 
 def shifted_scan(shot: Shot) -> Scan:
-    """What a sonar whose ranges are all off by one length writes down of a view."""
+    """Scan of a view by a sonar with a constant range error."""
     bias = shot.observer.sensor.max_range * shot.distortion.uniform(-MOST_BIAS, MOST_BIAS)
     return distorted_scan(shot, lambda ranges: ranges + bias)
 
 
 def real_scan(shot: Shot) -> Scan:
-    """What a Sonar 3D-15 writes down of a view."""
+    """Scan of a view by a Sonar 3D-15."""
     sensor, noise = shot.observer.sensor, replace(shot.noise, dropouts=0.0)
     noisy = disturb(shot.view.echoes, sensor, noise, shot.rng, _ghosts(shot))
     picked = pick_strongest(fade(noisy, shot.distortion), LOBE)
@@ -81,38 +81,38 @@ def real_scan(shot: Shot) -> Scan:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the sensor moves during a scan, evenly."""
+    """Constant velocity of the sensor during a scan."""
 
     velocity: np.ndarray  # (3,) [m/s], in the frame of the middle of the scan
-    turning: np.ndarray  # (3,) rotation vector a second [rad/s], likewise
+    turning: np.ndarray  # (3,) rotation vector per second [rad/s], likewise
     seconds: float  # from the first row to the last
 
     def times(self, rows: int) -> np.ndarray:
-        """(rows,) of every row [s] after the middle, the lowest row's first."""
+        """Times (rows,) [s] of the rows relative to the middle, from the lowest row up."""
         return self.seconds * np.linspace(-0.5, 0.5, rows)
 
     def poses(self, rows: int) -> RigidTransform:
-        """T_middle_row of every row, (rows,) poses, the lowest row's first."""
+        """T_middle_row, (rows,) poses of the rows, from the lowest row up."""
         time = self.times(rows)[:, None]
         return RigidTransform.from_components(time * self.velocity, Rotation.from_rotvec(time * self.turning))
 
 
 def draw_motion(sensor: Sensor, rng: np.random.Generator) -> Motion:
-    """A vehicle that goes mostly ahead, or backs up, and turns."""
-    way = np.array(SIDEWAYS) * rng.uniform(-1, 1, 3)
-    velocity = SPEED * rng.uniform(0, 1) * way / np.linalg.norm(way)
+    """Draw the motion of a vehicle that moves mostly ahead or back, and turns."""
+    course = np.array(SIDEWAYS) * rng.uniform(-1, 1, 3)
+    velocity = SPEED * rng.uniform(0, 1) * course / np.linalg.norm(course)
     turning = rng.uniform(-1, 1, 3) * (ROCK, ROCK, TURN)
     return Motion(velocity, turning, SCAN_TIME[int(sensor.max_range >= LONG_RANGE)])
 
 
 def moving_scan(shot: Shot) -> Scan:
-    """What a sonar that passes through the view's pose in the middle of the scan writes down."""
+    """Scan of a moving sonar that passes the view's pose in the middle of the scan."""
     return scan_in_motion(shot, draw_motion(shot.observer.sensor, shot.distortion))
 
 
 def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
-    """The scan: every row measured from where the sensor was then, its points placed as if from the middle, at the
-    stamp; their times say when they were seen."""
+    """Scan of a moving sonar: every row is measured from its own pose, but its points are placed as if from the pose
+    in the middle, at the stamp. Times are those of the rows."""
     world, sensor = shot.observer.world, shot.observer.sensor
     poses = shot.view.T_world_sensor * motion.poses(sensor.rows)
     origins = np.repeat(poses.translation, sensor.columns, axis=0)

@@ -1,6 +1,6 @@
 """Swaths of a multibeam echo sounder: a fan across the track of a vessel that moves while it measures.
 
-The fan is that of usual shallow-water sounders (R2Sonic 2022, data sheet). The sounder's motion is compensated but for
+The fan is that of usual shallow-water sounders (R2Sonic 2022, data sheet). The sounder's motion is compensated up to
 the errors of a surveyor's budget (R. Hare, Depth and position error budgets for multibeam echosounding, International
 Hydrographic Review 72(2), 1995) and of dead reckoning (K. Tang et al., Sensors 13, 2013, doi 10.3390/s131114583).
 """
@@ -22,16 +22,16 @@ ALONG = math.radians(1.0)
 LENGTHS = (0.25, 0.6)  # of a line, in shares of the scene's longer side
 DEPTHS = (1.0, 3.0)  # of the sounder below the highest place in a scene of 256 m [m]
 PINGS = (24, 400)  # least and most
-BEND = math.radians(15)  # most by which a line turns from one end to the other
-WAVES = 12  # of the vessel's motion along a line
+BEND = math.radians(15)  # largest turn of a line from one end to the other
+WAVES = 12  # number of waves of the vessel's motion along a line
 SWING = (math.radians(3.0), math.radians(1.5), math.radians(1.0))  # standard deviations of roll, pitch, yaw
 HEAVE = 0.3  # standard deviation in a scene of 256 m [m]
 
 ROLL_ERROR, YAW_ERROR = math.radians(0.1), math.radians(0.3)  # standard deviations; pitch errs as roll does
 HEAVE_ERROR = 0.05  # standard deviation in a scene of 256 m [m]
 DRIFT = 0.3  # standard deviation of East and of North at either end of a line against its middle, likewise [m]
-GATE = 4.0  # greatest range that the sounder listens to, in heights above the bed
-THRESHOLD = 0.02  # of an echo against a wall's close by: grazing ground far off is lost
+GATE = 4.0  # maximum range of the sounder, in heights above the bed
+THRESHOLD = 0.02  # of an echo, relative to that of a near wall: far ground at grazing angles is lost
 FRAME_TILT = math.radians(0.3)  # standard deviation of roll and pitch of a swath's frame
 
 
@@ -39,16 +39,16 @@ FRAME_TILT = math.radians(0.3)  # standard deviation of roll and pitch of a swat
 class Sounder:
     """A sounder on its vessel."""
 
-    water: Water  # that it surveys
+    water: Water
     fan: Fan  # its beams
     across: float  # the fan's angle [rad]
 
     def target(self, rng: np.random.Generator) -> Sweep:
-        """A line anywhere in the scene, on any heading."""
+        """Draw a line anywhere in the scene, on any heading."""
         return self._line(rng.uniform(-self.water.edge, self.water.edge), rng.uniform(-np.pi, np.pi), rng)
 
     def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
-        """A line beside the target's, likewise or the opposite way, or across it."""
+        """Draw a line beside the target's, in the same or the opposite direction, or across it."""
         here, heading = target.T_world_frame.translation, target.T_world_frame.rotation.as_euler("ZYX")[0]
         turn = rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2]) + rng.normal(0.0, 0.3)
         length = np.linalg.norm(np.diff(target.T_frame_ping[[0, -1]].translation, axis=0))
@@ -65,13 +65,13 @@ class Sounder:
         return pick(self.fan, ranges, strengths)
 
     def _width(self, place: np.ndarray) -> float:
-        """Of the swath [m], were the bed flat as below `place`; no wider than the fan reaches."""
+        """Width [m] of a swath over a bed as flat and deep as below `place`, limited by the maximum range."""
         height = float(place[2] - self.water.ground(place[None, :2])[0])
         reach = self.fan.sensor.max_range * math.sin(self.across / 2)
         return 2 * min(abs(height) * math.tan(self.across / 2), reach)
 
     def _line(self, middle: np.ndarray, heading: float, rng: np.random.Generator) -> Sweep:
-        """A line of pings as far apart as the soundings across the track are on average."""
+        """Draw a line whose pings are as far apart as the soundings across the track on average."""
         scale = self.water.scale
         length = rng.uniform(*LENGTHS) * 2 * self.water.edge.max()
         top = self.water.top - rng.uniform(*DEPTHS) * scale
@@ -92,7 +92,7 @@ class Sounder:
 
 
 def _believed(T_frame_ping: RigidTransform, scale: float, width: float, rng: np.random.Generator) -> RigidTransform:
-    """The compensated motion: the true one but for the errors of the motion sensor and of navigation."""
+    """The compensated motion: the true one with errors of the motion sensor and of navigation."""
     count = len(T_frame_ping)
     turns = wobble(count, (ROLL_ERROR, ROLL_ERROR, YAW_ERROR), width, rng)
     drift = walk(count, (DRIFT * scale, DRIFT * scale), rng)
@@ -102,7 +102,7 @@ def _believed(T_frame_ping: RigidTransform, scale: float, width: float, rng: np.
 
 
 def sounder(water: Water, rng: np.random.Generator) -> Sounder:
-    """A sounder with a fan drawn from ACROSS: x along the track, the fan's middle straight down."""
+    """Draw a sounder with a fan angle from ACROSS: x along the track, the fan's middle straight down."""
     across = rng.uniform(*ACROSS)
     gate = min(GATE * (water.top - water.bed), water.sensor.max_range)
     sensor = Sensor("swath", across, ALONG, BEAMS, 3, water.sensor.min_range, gate, threshold=THRESHOLD)
