@@ -81,7 +81,7 @@ PLACES = 8  # targets that are tried before a pair is given up
 # Scenes of unrelated pairs; their order determines the pair of a seed. Open beds are left out, as two of them look the
 # same for any seeds
 STRANGERS = ("floodgate", "harbor", "clutter", "ship", "pool", "manifold", "bridge", "wreck")
-# Those whose whole plan depends on the seed, so that two of the same name have nothing in common
+# Scenes whose whole plan depends on the seed, so that two of the same name have nothing in common
 DRAWN = ("clutter", "bridge", "wreck")
 
 # Largest distance of a nearby source from the target along x, y and z, in shares of the sensor's maximum range
@@ -140,7 +140,7 @@ def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str) -> tupl
 
 
 def unrelated_scenes(scene: str) -> tuple[str, ...]:
-    """Scenes of the size of `scene` that, built from another seed, have nothing in common with it."""
+    """Scenes of STRANGERS, as large as `scene`, that, built from another seed, have nothing in common with it."""
     sensor = scene_kind(scene).sensor
     return tuple(name for name in STRANGERS if SCENE_KINDS[name].sensor == sensor and (name != scene or name in DRAWN))
 

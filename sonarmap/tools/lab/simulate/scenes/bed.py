@@ -1,4 +1,4 @@
-"""The ground under the water: a rough bed, boulders and drowned debris, all from a random generator."""
+"""The ground under the water: a rough bed, boulders and sunken debris, all drawn at random."""
 
 from collections.abc import Sequence
 from itertools import chain
@@ -33,7 +33,7 @@ def relief(rng: np.random.Generator) -> np.ndarray:
 
 
 def scene_of(height: np.ndarray, *parts: Sequence[Mesh]) -> Mesh:
-    """The bed `height` (on the raster) and all that stands and lies there."""
+    """Merge the bed `height` (on the raster) and the parts on it into one mesh."""
     return merge([height_field(raster(), raster(), height), *chain(*parts)])
 
 
@@ -56,20 +56,20 @@ def stone(height: np.ndarray, place: np.ndarray, sizes: tuple[float, float], rng
 
 
 def debris(height: np.ndarray, count: int, rng: np.random.Generator) -> list[Mesh]:
-    """Drowned things on the bed `height`: crates lying askew and trunks, in turn."""
-    things = []
+    """Sunken crates, which lie askew, and trunks, in turn, on the bed `height`."""
+    objects = []
     for number, (east, north) in enumerate(_places(count, rng)):
         if number % 2:
             size = rng.uniform((1.5, 1.0, 0.8), (7.0, 3.5, 2.5))
-            things.append(box(on_bed(height, (east, north), size[2] / 3), size, _leaning_turn(rng)))
+            objects.append(box(on_bed(height, (east, north), size[2] / 3), size, _leaning_turn(rng)))
         else:
             reach = _leaning_turn(rng).apply((rng.uniform(2, 6), 0, 0))
-            things.append(rod(on_bed(height, (east, north), 0.5), reach, rng.uniform(0.3, 0.8), sides=10))
-    return things
+            objects.append(rod(on_bed(height, (east, north), 0.5), reach, rng.uniform(0.3, 0.8), sides=10))
+    return objects
 
 
 def on_bed(height: np.ndarray, place: ArrayLike, above: float = 0.0) -> np.ndarray:
-    """(3,) [m] at a place (2,), so far above the bed `height`."""
+    """The point (3,) [m] at a position (2,), `above` the bed `height`."""
     east, north = np.asarray(place)
     return np.array((east, north, height_at(height, east, north) + above))
 

@@ -1,7 +1,7 @@
 """A road bridge over a river: piers on footings with fenders, abutments, a scoured bed, lines across it, debris.
 
-The plan is the seed's: how many piers, how far apart and of what shape, how the axis is skewed to the river, where the
-channel runs, what lies on the bed. The river flows along x; its piers stand along the flow, as they are built.
+The seed determines the number, spacing and shape of the piers, the skew of the axis to the river, the course of the
+channel, and the debris. The river flows along x; the piers are aligned with the flow.
 """
 
 from dataclasses import dataclass
@@ -29,25 +29,25 @@ BANK_TOP = 5.0  # above the water [m]
 
 @dataclass(frozen=True, slots=True)
 class River:
-    """What the seed decides of a river's plan."""
+    """The plan of a river."""
 
     bed: float  # mean height of its bed [m]
     south: float  # y of the banks' lines at x = 0 [m]
     north: float  # likewise
-    bend: tuple[float, float, float]  # amplitude [m], wave number [rad/m] and phase [rad] by which both wind
-    channel_y: float  # of the channel at x = 0 [m]
+    bend: tuple[float, float, float]  # amplitude [m], wave number [rad/m] and phase [rad] of their winding
+    channel_y: float  # y of the channel at x = 0 [m]
     channel_width: float  # [m]
     channel_depth: float  # below the bed [m]
     shoals: np.ndarray  # (K, 4): x, y, radius and height [m] of each
 
     def winding(self, x: np.ndarray) -> np.ndarray:
-        """By how much the river lies farther north at `x` than at 0 [m]."""
+        """Northward offset of the river at `x` from that at 0 [m]."""
         amplitude, number, phase = self.bend
         return amplitude * (np.sin(number * x + phase) - np.sin(phase))
 
 
 def river_of(rng: np.random.Generator) -> River:
-    """A river 175 to 205 m wide and 12 to 15 m deep."""
+    """Draw a river 175 to 205 m wide and 12 to 15 m deep."""
     shoals = rng.uniform((-110, -70, 10, -1.5), (110, 70, 26, 3.5), (int(rng.integers(2, 6)), 4))
     return River(
         bed=rng.uniform(-15.0, -12.0),
@@ -63,7 +63,7 @@ def river_of(rng: np.random.Generator) -> River:
 
 def ground(river: River, piers: list[tuple[float, float, float, float]], rng: np.random.Generator) -> np.ndarray:
     """Bed and banks on raster() x raster() [m]. The bed is scoured about the upstream end and along the sides of each
-    pier (x, y, length and width [m]), and what was carried off lies behind it."""
+    pier (x, y, length and width [m]); the scoured sand lies behind it."""
     x, y = np.meshgrid(raster(), raster(), indexing="ij")
     wind = river.winding(x)
     bed = river.bed + 0.8 * relief(rng)
@@ -81,19 +81,19 @@ def ground(river: River, piers: list[tuple[float, float, float, float]], rng: np
     return bed + np.clip(SLOPE * inland, 0, BANK_TOP - river.bed)
 
 
-FOOT = -34.0  # below the lowest bed: where piers and piles end [m]
+FOOT = -34.0  # lower end of piers and piles, below the lowest bed [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Pier:
-    """One pier."""
+    """Position, size and shape of a pier."""
 
     x: float  # of its middle [m]
     y: float  # likewise
     length: float  # along the flow [m]
     width: float  # across the flow [m]
     footing: float  # how far its footing reaches beyond it on all sides [m]
-    footing_top: float  # height of that [m]
+    footing_top: float  # height of the footing's top [m]
     round: bool  # whether its ends are round rather than pointed
     fenced: bool  # whether it stands beside the fairway and has fenders
     turned: float  # its heading against the flow [rad]
@@ -108,7 +108,7 @@ def outline(length: float, width: float, is_round: bool) -> np.ndarray:
 
 
 def _placed(pier: Pier, mesh: Mesh) -> Mesh:
-    """A mesh of the pier's frame, x along it, in the scene's."""
+    """A mesh in the pier's frame, with x along the pier, moved to the scene's frame."""
     return mesh.moved(Rotation.from_euler("z", pier.turned), (pier.x, pier.y, 0.0))
 
 
@@ -144,7 +144,7 @@ def fenders(pier: Pier, rng: np.random.Generator) -> list[Mesh]:
 
 
 def driftwood(pier: Pier, bed: float, rng: np.random.Generator) -> list[Mesh]:
-    """Driftwood that the flow has laid against the pier's upstream end, more or none of it."""
+    """Up to four pieces of driftwood against the pier's upstream end."""
     parts = []
     for _ in range(rng.integers(0, 5)):
         middle = np.array((-pier.length / 2 - rng.uniform(0.5, 3.0), rng.uniform(-3.0, 3.0), 0.0))
@@ -154,15 +154,15 @@ def driftwood(pier: Pier, bed: float, rng: np.random.Generator) -> list[Mesh]:
     return [_placed(pier, part) for part in parts]
 
 
-REMNANT_TOP = (-9.0, -6.5)  # of what is left of an older bridge [m]: below the vessels
+REMNANT_TOP = (-9.0, -6.5)  # height of the remains of an older bridge [m]: below the vessels
 
 
 @dataclass(frozen=True, slots=True)
 class BridgeLayout:
-    """What the seed decides of the bridge's plan."""
+    """The plan of a bridge."""
 
-    river: River  # that it crosses
-    x: float  # where its axis crosses y = 0 [m]
+    river: River
+    x: float  # of its axis at y = 0 [m]
     skew: float  # of the axis against square to the river, counterclockwise [rad]
     deck: tuple[float, float]  # height of the deck's underside [m], its width [m]
     piers: tuple[Pier, ...]  # from south to north
@@ -173,7 +173,7 @@ class BridgeLayout:
 
     @property
     def openings(self) -> list[float]:
-        """y of the middles between each two neighboring piers [m], the wider ones first."""
+        """y of the middles of the openings between neighboring piers [m], the widest first."""
         spans = [((south.y + north.y) / 2, north.y - south.y) for south, north in pairwise(self.piers)]
         return [middle for middle, _ in sorted(spans, key=lambda span: -span[1])]
 
@@ -254,7 +254,7 @@ def _abutments(layout: BridgeLayout) -> list[Mesh]:
 
 
 def _lines(layout: BridgeLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
-    """A pipeline that crosses the river on its bed, here and there hanging free, and ducts under slabs beside it."""
+    """A pipeline that crosses the river on its bed, hanging free in places, and ducts under slabs beside it."""
     y = np.linspace(-SCENE_EDGE / 2 + 6, SCENE_EDGE / 2 - 6, 14)
     parts = []
     pipe_x, slope, radius = rng.uniform(-62, -34), rng.uniform(-0.2, 0.2), rng.uniform(0.45, 0.9)

@@ -1,4 +1,4 @@
-"""The scenes that can be simulated: what each shows, how large it is, what builds it. A new scene is a file beside
+"""The scenes that can be simulated: what each shows, how large it is, and its builder. A new scene is a file beside
 this one and a row here; the path of a survey through it is laid in routes.py.
 
 Nothing heavy is imported here: the command line's help reads the table.
@@ -20,23 +20,23 @@ FULL_EDGE = 256.0  # side of the paper's grid, and of the scenes that fill it [m
 
 @dataclass(frozen=True, slots=True)
 class SceneKind:
-    """A scene that has not been built."""
+    """A scene's description and builder."""
 
     builder: str  # the function that builds it, as "module:function" of this folder
-    summary: str  # what stands there, in a few words
+    summary: str  # description in a few words
     sensor: str  # the sensor that suits its size, a key of SENSORS
-    size: tuple[float, float]  # of the box around the origin that holds everything there is to see, along x and y [m]
-    lowest: tuple[float, float, float]  # corner of the box in which the sensors of a random pair may be [m, scene]
+    size: tuple[float, float]  # of the box around the origin that holds the scene, along x and y [m]
+    lowest: tuple[float, float, float]  # corner of the bounds of a random pair's sensors [m, scene]
     highest: tuple[float, float, float]  # the opposite corner [m, scene]
     inward: bool = False  # whether a random pair looks at the scene's middle rather than anywhere
 
     @property
     def scale(self) -> float:
-        """Its longer side divided by 256 m: lengths chosen for the scenes of 256 m are multiplied by it."""
+        """Its longer side divided by 256 m, the factor of lengths chosen for scenes of 256 m."""
         return max(self.size) / FULL_EDGE
 
     def build(self, seed: int) -> "Mesh":
-        """Its surface, East-North-Up [m]: the same seed, the same surface."""
+        """Build its surface, East-North-Up [m], which is the same for the same seed."""
         module, _, function = self.builder.partition(":")
         build: Callable[[int], Mesh] = getattr(import_module(f"sonarmap.tools.lab.simulate.scenes.{module}"), function)
         return build(seed)
@@ -50,7 +50,7 @@ def _kind(
     heights: tuple[float, float],
     inward: bool = False,
 ) -> SceneKind:
-    """A scene whose random pairs are seen from within `reach` of its middle along x and y, between two heights [m]."""
+    """A scene; sensors of random pairs are within `reach` of its middle along x and y and between two heights [m]."""
     sensor, (x, y), (low, high) = "eclipse" if max(size) == FULL_EDGE else "sonar3d15", reach, heights
     return SceneKind(builder, summary, sensor, size, (-x, -y, low), (x, y, high), inward)
 
@@ -62,7 +62,7 @@ def _full(builder: str, summary: str) -> SceneKind:
 
 
 def _bed(name: str, summary: str, edge: float) -> SceneKind:
-    """An open bed, square, its water as deep as 22 m at 256 m; pairs are seen from the water above it."""
+    """A square open bed under 22 m of water at 256 m; sensors of random pairs are in this water."""
     scale = edge / FULL_EDGE
     return _kind(f"open_bed:{name}", summary, (edge, edge), (80 * scale, 80 * scale), (-20 * scale, -scale))
 
@@ -94,7 +94,7 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
 
 
 def scene_kind(name: str) -> SceneKind:
-    """The scene called `name`, not built. Raises InputError: there is none."""
+    """The SceneKind called `name`. Raises InputError: there is none."""
     if name not in SCENE_KINDS:
         raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENE_KINDS)}")
     return SCENE_KINDS[name]

@@ -1,6 +1,6 @@
 """A flood gate across a river: piers, gates, a lock with two chambers, kinked banks, dolphins and debris.
 
-The layout is the one kind of the river Lesum's (paper Sect. 4): the barrier runs along y near x = 18, the
+The layout is like that of the gate in the river Lesum (paper Sect. 4): the barrier runs along y near x = 18, the
 river flows along x, the lock lies at the north. The seed changes the bed and what lies on it, not the plan.
 """
 
@@ -14,7 +14,7 @@ from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, prism
 
 BED_DEPTH = -19.0  # mean height of the river's bed [m]
 QUAY_TOP = 6.0
-FOOT = -32.0  # below the lowest bed: where walls and piles end [m]
+FOOT = -32.0  # lower end of walls and piles, below the lowest bed [m]
 
 NORTH_BANK = ((-130, 104), (-78, 110), (-40, 98), (62, 98), (90, 112), (130, 102))
 SOUTH_BANK = ((-130, -88), (-92, -101), (-30, -86), (30, -92), (74, -108), (130, -99))
@@ -74,7 +74,7 @@ def _barrier() -> list[Mesh]:
 
 
 def _lock() -> list[Mesh]:
-    """Two chambers of unequal width behind one another's walls, miter gates, guide walls, a control tower."""
+    """Two chambers of unequal width that share a wall, miter gates, guide walls, a control tower."""
     parts = [
         wall([(-46, 24), (-30, 29), (72, 29), (92, 22)], 5.0, FOOT, 5.0),
         wall([(-24, 52), (64, 52)], 4.0, FOOT, 5.0),

@@ -10,13 +10,13 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, ellipsoid, merge, tube
 
 BED_DEPTH = -40.0
-SCALE = SCENE_KINDS["manifold"].scale  # of the bed, against the 256 m scenes' one
+SCALE = SCENE_KINDS["manifold"].scale  # of the bed, relative to the scenes of 256 m
 TUBE_RADIUS = 0.16  # of the frame's chords and posts [m]
 
 
 @dataclass(frozen=True, slots=True)
 class ManifoldLayout:
-    """Where a manifold stands and how large it is; its frame is x along the headers, z = 0 the mudmat's top."""
+    """Pose and size of a manifold; in its frame, x is along the headers and z = 0 is the mudmat's top."""
 
     middle: tuple[float, float, float]  # x, y and z of the middle of the mudmat's top [m]
     R_scene_manifold: Rotation  # its heading, and its settling into the bed by up to 1.5 degrees
@@ -26,7 +26,7 @@ class ManifoldLayout:
     bays: int  # number of the frame's bays along its length
 
     def place(self, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the manifold's frame in the scene's [m]."""
+        """Points (..., 3) [m] in the manifold's frame, moved to the scene's frame."""
         return self.R_scene_manifold.apply(np.reshape(points, (-1, 3))).reshape(np.shape(points)) + self.middle
 
 
@@ -48,7 +48,7 @@ def manifold(seed: int) -> Mesh:
     """The scene from `seed`, 48 m on a side, its bed about 40 m under the water's surface at z = 0."""
     layout = manifold_layout(seed)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 26]))
-    # the large scenes' bed, made smaller in all three directions, with less relief
+    # the bed of the large scenes, scaled down in all three directions, with less relief
     height = 0.6 * relief(rng)
     # the mudmat was set down where no stones lay
     stones = [stone for stone in boulders(height, 110, rng) if np.hypot(*stone.vertices.mean(axis=0)[:2]) > 11 / SCALE]
@@ -145,7 +145,7 @@ def _branch(root: np.ndarray, side: int, frame: ManifoldLayout, rng: np.random.G
 def _flowlines(
     frame: ManifoldLayout, headers: list[np.ndarray], height: np.ndarray, rng: np.random.Generator
 ) -> list[Mesh]:
-    """Pipes from both ends of the headers down to the bed, lying on it to the patch's edge; a block and a float."""
+    """Pipes from both ends of the headers down to the bed, lying on it to the scene's edge; a block and a float."""
     parts = []
     for end in (-1, 1):
         for side, (north, level, radius) in zip((-1, 1), headers, strict=True):
@@ -161,7 +161,7 @@ def _flowlines(
 
 
 def _on_bed(start: np.ndarray, away: np.ndarray, turn: float, height: np.ndarray) -> list[np.ndarray]:
-    """Corners of a flowline on the bed, 1.5 m apart, ever more turned, until the edge of the bed is near."""
+    """Corners of a flowline on the bed, 1.5 m apart, each turned by `turn` [rad], up to the edge of the bed."""
     heading = np.arctan2(away[1], away[0])
     place, corners = start + 1.5 * away / np.hypot(*away), []
     limit = SCALE * SCENE_EDGE / 2 - 1.0

@@ -1,7 +1,7 @@
-"""Beds with nothing built on them: one that is all but flat, one of low relief, and one strewn with solids.
+"""Open beds: a nearly flat one, one of low relief, and one strewn with solids.
 
-Each comes large and small. The small ones are the large ones' plans made smaller in all three directions, except for
-the flat bed's roughness, which is that of sand.
+Each has a large and a small version. The small one is the large one scaled down in all three directions, except for the
+flat bed's roughness, which is that of sand in both.
 """
 
 from functools import partial
@@ -24,16 +24,16 @@ from sonarmap.tools.lab.simulate.scenes.bed import (
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, ellipsoid, wall
 
-BED_DEPTH = -22.0  # mean height of the large beds; of the small ones that times their scale [m]
+BED_DEPTH = -22.0  # mean height of the large beds [m]; small ones multiply it by their scale
 ROUGHNESS = 0.025  # standard deviation of a flat bed's relief [m]
-FLAT_SLOPE, WEAK_SLOPE = 0.003, 0.015  # most along x and y
+FLAT_SLOPE, WEAK_SLOPE = 0.003, 0.015  # largest slopes along x and y
 
 # Of the large bed of low relief, least and most [m]
 DUNE_LENGTH, DUNE_HEIGHT = (14.0, 32.0), (0.35, 0.8)  # crest to crest; crest above trough, divided by two
 RIPPLE_LENGTH, RIPPLE_HEIGHT = (5.0, 8.0), (0.06, 0.12)
 SCOURS, SCOUR_DEPTH, SCOUR_RADIUS = (3, 7), (0.5, 1.3), (5.0, 12.0)
 ROCKS, ROCK_RADIUS = (8, 17), (0.5, 1.3)
-BEND = 45.0  # over which the crests bend and the dunes come and go
+BEND = 45.0  # length over which crests bend and the height of dunes varies [m]
 
 
 def _flat(name: str, seed: int) -> Mesh:
@@ -62,7 +62,7 @@ seabed, shallow = partial(_weak, "seabed"), partial(_weak, "shallow")
 
 
 def _placed(bed: Mesh, scale: float) -> Mesh:
-    """The bed in its size and at its depth."""
+    """The bed, lowered to its depth and scaled to its size."""
     return Mesh(scale * (bed.vertices + np.array((0.0, 0.0, BED_DEPTH))), bed.triangles)
 
 
@@ -73,7 +73,7 @@ def _smooth(rng: np.random.Generator) -> np.ndarray:
 
 
 def _patches(rng: np.random.Generator) -> np.ndarray:
-    """0..1 on the raster: where something is, and where it is not."""
+    """Random weights, 0..1, on the raster that fade in and out over BEND."""
     return 1 / (1 + np.exp(-2.5 * _smooth(rng)))
 
 
@@ -99,8 +99,8 @@ def _scours(rng: np.random.Generator) -> np.ndarray:
 
 
 CLUTTER_DEPTH = -18.0  # mean height of the bed under the solids [m]
-SOLIDS = 60
-RUBBLE_DEPTH = -9.0  # of the bed of the scene made smaller [m]
+SOLIDS = 60  # number of solids
+RUBBLE_DEPTH = -9.0  # mean height of the bed of the small version [m]
 
 
 def clutter(seed: int) -> Mesh:
@@ -112,7 +112,7 @@ def clutter(seed: int) -> Mesh:
 
 
 def rubble(seed: int) -> Mesh:
-    """The same kind of scene made smaller in all three directions, 40 m on a side, 9 m under the water."""
+    """The clutter scaled down in all three directions, 40 m on a side, its bed 9 m under the water."""
     large, scale = clutter(seed), SCENE_KINDS["rubble"].scale
     return Mesh(scale * (large.vertices - (0.0, 0.0, CLUTTER_DEPTH)) + (0.0, 0.0, RUBBLE_DEPTH), large.triangles)
 

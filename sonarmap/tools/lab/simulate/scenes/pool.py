@@ -1,4 +1,4 @@
-"""A swimming pool: a sloping floor with a drain, ladders, steps, lane ropes, starting blocks, things on the floor."""
+"""A swimming pool: a sloping floor with a drain, ladders, steps, lane ropes, starting blocks, objects on the floor."""
 
 from dataclasses import dataclass
 
@@ -17,14 +17,14 @@ LANES = 5
 
 @dataclass(frozen=True, slots=True)
 class PoolLayout:
-    """What the seed decides of the pool's shape."""
+    """The shape of a pool."""
 
     knots: tuple[float, ...]  # x of the floor's four corners from the deep end to the shallow one [m]
-    depths: tuple[float, ...]  # at these [m]
+    depths: tuple[float, ...]  # at the knots [m]
     drain: tuple[float, float]  # x and y of the drain's middle, in the deep end [m]
     ladders: tuple[float, ...]  # x of each of the four ladders [m], two on either long side
-    steps: int  # the corner at the shallow end with the steps, -1 or 1 along y
-    side: int  # on which of the short ends the starting blocks stand, -1 the deep one or 1
+    steps: int  # corner with the steps at the shallow end, -1 or 1 along y
+    side: int  # end with the starting blocks: -1 the deep one, 1 the shallow one
 
     def floor(self, x: float) -> float:
         """Height of the floor at `x` [m], the drain left out."""
@@ -49,7 +49,7 @@ def pool(seed: int) -> Mesh:
     """The scene from `seed`, the water 25 m by 12.5 m, its surface at z = 0, its floor at -1.2 to -3.8 m."""
     layout = pool_layout(seed)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 24]))
-    parts = [*_basin(layout), *_steps(layout), *_ropes(rng), *_blocks(layout), *_things(layout, rng)]
+    parts = [*_basin(layout), *_steps(layout), *_ropes(rng), *_blocks(layout), *_objects(layout, rng)]
     for number, east in enumerate(layout.ladders):
         parts += _ladder(layout, east, -1 if number < 2 else 1)
     return merge(parts)
@@ -66,7 +66,7 @@ def _basin(layout: PoolLayout) -> list[Mesh]:
         for side in (-1, 1)
     ]
     walls += [box((0, side * (WIDTH + DECK_WIDTH) / 2, middle), (LENGTH, DECK_WIDTH, tall)) for side in (-1, 1)]
-    # to rest the feet on along the long walls, 1.1 m under water
+    # footrests along the long walls, 1.1 m under water
     ledges = [box((0, side * (WIDTH / 2 - 0.06), -1.05), (LENGTH, 0.12, 0.1)) for side in (-1, 1)]
     east, north = layout.drain
     bars = [box((east + step, north, layout.floor(east) - 0.03), (0.06, 1.2, 0.06)) for step in (-0.3, -0.1, 0.1, 0.3)]
@@ -105,7 +105,7 @@ def _ladder(layout: PoolLayout, east: float, side: int) -> list[Mesh]:
 
 
 def _ropes(rng: np.random.Generator) -> list[Mesh]:
-    """Lane ropes: rows of floats at the surface, some of the lanes without one."""
+    """Lane ropes, rows of floats at the surface; some of them are missing."""
     parts = []
     kept = np.sort(rng.choice(LANES - 1, size=rng.integers(2, LANES), replace=False))
     for lane in kept:
@@ -131,8 +131,8 @@ def _blocks(layout: PoolLayout) -> list[Mesh]:
     return parts
 
 
-def _things(layout: PoolLayout, rng: np.random.Generator) -> list[Mesh]:
-    """Things on the floor, none higher than 0.45 m: crates, lengths of pipe, a weight with a ball, a slab."""
+def _objects(layout: PoolLayout, rng: np.random.Generator) -> list[Mesh]:
+    """Objects on the floor, none higher than 0.45 m: crates, lengths of pipe, a weight with a ball, a slab."""
     parts = []
     for number in range(int(rng.integers(9, 15))):
         east, north = rng.uniform((-11.5, -5.2), (8.5, 5.2))

@@ -11,10 +11,10 @@ from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 
 
 def surface_distance(mesh: Mesh, points: np.ndarray) -> np.ndarray:
-    """The distance (N,) float64 [m] of every point (N, 3) to the mesh's nearest triangle, on whichever side of it.
+    """Unsigned distances (N,) float64 [m] of the points (N, 3) from the nearest triangle of the mesh.
 
-    Open3D's search says which triangle is nearest; the distance to it is then computed in float64, so that it is exact
-    and the same whatever the machine's vector unit.
+    Open3D finds the nearest triangle; the distance from it is then computed in float64, so that it is exact and does
+    not depend on the processor.
     """
     import open3d as o3d
 
@@ -27,10 +27,10 @@ def surface_distance(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def triangle_distance(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The distance (N,) of each point (N, 3) to its own triangle (N, 3, 3), [m]; a triangle may be a line or a dot."""
+    """Distances (N,) [m] of points (N, 3) from one triangle each (N, 3, 3), which may be a line or a point."""
     sides = np.roll(corners, -1, axis=1) - corners
     away = points[:, None, :] - corners
-    # to the sides: the foot of the perpendicular, kept between the side's ends
+    # to the sides: the foot of the perpendicular, limited to the side
     length2 = np.einsum("nij,nij->ni", sides, sides)
     along = np.einsum("nij,nij->ni", away, sides) / np.where(length2 > 0, length2, 1.0)
     rest = away - np.clip(along, 0.0, 1.0)[:, :, None] * sides
@@ -44,7 +44,7 @@ def triangle_distance(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def caster(mesh: Mesh) -> Any:
-    """Open3D's ray caster with the mesh in it; its triangles keep their numbers."""
+    """Open3D's ray caster for the mesh, with the same indices of triangles."""
     import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene()
@@ -55,15 +55,15 @@ def caster(mesh: Mesh) -> Any:
     return scene
 
 
-# Of the rays that tell inside from outside: upward, but along no edge that a builder would draw
+# Direction of the rays that tell inside from outside: upward, but along no edge of a builder's meshes
 UPWARD = np.array([0.0312, 0.0471, 1.0]) / np.linalg.norm([0.0312, 0.0471, 1.0])
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A world to look at: centered in x and y, z up, the water's surface at z = 0."""
+    """A built scene: centered in x and y, z up, the water's surface at z = 0."""
 
-    name: str  # a key of SCENE_KINDS, or a name of the caller's own
+    name: str  # a key of SCENE_KINDS, or any name for another mesh
     mesh: Mesh  # its surface, East-North-Up [m]
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -73,10 +73,10 @@ class Scene:
         return ranges, np.minimum(np.abs(np.einsum("ij,ij->i", normals, directions)), 1.0)
 
     def intersect_with_normals(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `intersect`, but with (N, 3) unit normals of what is met, zeros where nothing.
+        """As `intersect`, but with (N, 3) unit normals of the surfaces, zeros where a ray meets nothing.
 
-        Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in float64, so that
-        the range is exact and does not depend on the machine's vector unit.
+        Open3D's ray caster finds the triangle that a ray meets; the point on its plane is then computed in float64, so
+        that the range is exact and does not depend on the processor.
         """
         import open3d as o3d
 
@@ -93,13 +93,13 @@ class Scene:
 
     @property
     def kind(self) -> SceneKind:
-        """Its row of SCENE_KINDS. Raises InputError: a scene of the caller's own, which has no row."""
+        """Its row of SCENE_KINDS. Raises InputError: it has none."""
         return scene_kind(self.name)
 
     def is_solid(self, places: np.ndarray) -> np.ndarray:
         """Whether places (N, 3) [m] lie within a solid or under the bed, (N,) bool.
 
-        Counts along a ray upward how many surfaces it leaves more than it enters: solids may overlap.
+        Counts the surfaces that a ray upward leaves minus those that it enters, as solids may overlap.
         """
         import open3d as o3d
 
@@ -110,7 +110,7 @@ class Scene:
         return leaving > 0.5
 
     def _planes(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Corners (N, 3, 3) [m] and unit normals (N, 3) of some triangles."""
+        """Corners (N, 3, 3) [m] and unit normals (N, 3) of triangles, given their indices."""
         corner = self.mesh.vertices[self.mesh.triangles[triangles]]
         normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         return corner, normal / np.linalg.norm(normal, axis=1, keepdims=True)
@@ -122,6 +122,6 @@ class Scene:
 
 @lru_cache(maxsize=4)
 def build_scene(name: str, seed: int) -> Scene:
-    """The scene `name` of SCENE_KINDS built from `seed`: the same seed, the same surface. Raises InputError: there is
-    no such scene."""
+    """Build the scene `name` of SCENE_KINDS from `seed`, or take it from the cache. Raises InputError: there is no such
+    scene."""
     return Scene(name, scene_kind(name).build(seed))

@@ -14,7 +14,7 @@ BLADES = 4
 
 @dataclass(frozen=True, slots=True)
 class ShipLayout:
-    """Where a ship lies and how large she is; the frame of the ship is x to the bow, y to port, z = 0 the water."""
+    """Pose and size of a ship; in her frame, x is to the bow, y to port, and z = 0 is the water."""
 
     middle: tuple[float, float]  # x and y of her middle [m]
     heading: float  # of the bow, counterclockwise from x [rad]
@@ -24,7 +24,7 @@ class ShipLayout:
     bed: float  # mean height of the bed [m]
 
     def place(self, mesh: Mesh) -> Mesh:
-        """A mesh of the ship's frame in the scene's."""
+        """A mesh in the ship's frame, moved to the scene's frame."""
         return mesh.moved(Rotation.from_euler("z", self.heading), (*self.middle, 0.0))
 
 

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 
 def rounded(corners: np.ndarray, bend: float, pieces: int = 6) -> np.ndarray:
-    """The corners (K, D) [m] with every inner one replaced by a curve.
+    """The corners (K, D) [m] with every inner one replaced by a parabola.
 
-    The curve, a parabola, runs from `bend` [m] before the corner to `bend` behind it, or from a little less than
-    half of a leg that is too short for that.
+    It runs from `bend` [m] before the corner to `bend` behind it, or over a little less than half of a leg that is too
+    short for that.
     """
     if bend <= 0 or len(corners) < 3:
         return corners
@@ -38,7 +38,7 @@ class Mesh:
     triangles: np.ndarray  # (T, 3) int64, indices into `vertices`; counterclockwise from outside where it is closed
 
     def moved(self, turn: Rotation, place: ArrayLike) -> "Mesh":
-        """The mesh turned about its frame's origin, and that origin put to a place (3,) [m]."""
+        """The mesh turned about the origin of its frame and then shifted by `place` (3,) [m]."""
         return Mesh(turn.apply(self.vertices) + np.asarray(place, float), self.triangles)
 
 
@@ -94,7 +94,7 @@ def cylinder(start: ArrayLike, end: ArrayLike, radius: float, sides: int = CYLIN
 
 
 def rod(middle: ArrayLike, reach: np.ndarray, radius: float, sides: int = CYLINDER_SIDES) -> Mesh:
-    """A closed cylinder that reaches by (3,) [m] to either side of its middle."""
+    """A closed cylinder from `middle - reach` to `middle + reach` [m]."""
     return cylinder(np.asarray(middle, float) - reach, np.asarray(middle, float) + reach, radius, sides)
 
 
@@ -110,13 +110,13 @@ def ellipsoid(center: ArrayLike, radii: ArrayLike, R_scene_solid: Rotation | Non
         ],
         axis=-1,
     )
-    own = (unit * np.asarray(radii, float)).reshape(-1, 3)
-    turned = (R_scene_solid or Rotation.identity()).apply(own)
+    local = (unit * np.asarray(radii, float)).reshape(-1, 3)
+    turned = (R_scene_solid or Rotation.identity()).apply(local)
     return loft(list(turned.reshape(unit.shape) + np.asarray(center, float)))
 
 
 def loft(sections: Sequence[np.ndarray]) -> Mesh:
-    """The skin over closed sections of equally many corners, (S, K, 3) [m], with flat fans closing both ends.
+    """The skin over closed sections with the same number of corners, (S, K, 3) [m], both ends closed by flat fans.
 
     Corners run counterclockwise as seen from the last section back to the first. The fans start from the mean
     of the corners: the end sections have to be star-shaped about it.
@@ -142,7 +142,7 @@ def loft(sections: Sequence[np.ndarray]) -> Mesh:
 def shell(outer: np.ndarray, inner: np.ndarray) -> Mesh:
     """A bent plate between two sheets of corners (S, K, 3) [m], its four edges closed.
 
-    `outer` faces where the cross product of its first index's direction with its second's points.
+    The outside of `outer` is where the cross product of the directions of its first and second index points.
     """
     count, corners = outer.shape[:2]
     index = np.arange(2 * count * corners).reshape(2, count, corners)
@@ -178,7 +178,7 @@ def height_field(x: np.ndarray, y: np.ndarray, height: np.ndarray) -> Mesh:
 def tube(path: ArrayLike, radius: float, bend: float = 0.0, sides: int = 12) -> Mesh:
     """A closed round pipe along the corners of `path` (K, 3) [m], its corners rounded over `bend` [m] of either leg.
 
-    Its rings are handed on from leg to leg without twist, each square to the path's direction there.
+    Its rings are square to the path and do not twist from leg to leg.
     """
     line = rounded(np.asarray(path, float), bend)
     legs = np.diff(line, axis=0)

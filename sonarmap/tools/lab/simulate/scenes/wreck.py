@@ -1,7 +1,7 @@
 """A wreck: a hull broken in two or three, open and heeled, on a sea bed with rock ledges, its cargo about it.
 
-The plan is the seed's: where she broke, how the parts drifted, heeled and sank in, one of them perhaps keel up, which
-way the ledges strike, what was spilled.
+The seed determines where she broke, how the parts drifted, heeled and sank in (the bow may lie keel up), the strike of
+the ledges, and the spilled cargo.
 """
 
 from dataclasses import dataclass
@@ -13,25 +13,25 @@ from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, height_at, 
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, loft, merge, rod, shell, tube
 
 PLATE = 0.45  # thickness of the skin with its frames [m]
-SPACING = 2.2  # of the stations [m]
-GIRTH = 19  # corners of a section from rail to rail
+SPACING = 2.2  # between stations [m]
+GIRTH = 19  # number of corners of a section from rail to rail
 
 
 @dataclass(frozen=True, slots=True)
 class Hulk:
-    """The hull's measures; its frame is x to the bow from midships, y to port, z up from the keel."""
+    """Size of the hull; in its frame, x is to the bow from midships, y to port, and z up from the keel."""
 
     length: float  # of the hull [m]
     beam: float  # [m]
     depth: float  # from keel to rail [m]
 
     def half_width(self, along: float) -> float:
-        """At the rail, `along` in shares of the length from midships [m]."""
+        """Half width [m] at the rail, `along` from midships in shares of the length."""
         fine = np.clip(1 - max(along - 0.2, 0) * 2.2, 0.12, 1)
         return 0.5 * self.beam * float(np.clip(1 - abs(2 * along) ** 5, 0.12, 1) * fine)
 
     def section(self, along: float, inset: float = 0.0) -> np.ndarray:
-        """(GIRTH, 3) [m] from the port rail round the keel to the starboard one, so far within the skin."""
+        """Corners (GIRTH, 3) [m] from the port rail round the keel to starboard, `inset` [m] within the skin."""
         width = self.half_width(along)
         angle = np.linspace(0, np.pi, GIRTH)
         across = max(width - inset, 0.3 * width) * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.5
@@ -63,7 +63,7 @@ def skin(hulk: Hulk, aft: float, ahead: float, rng: np.random.Generator) -> Mesh
 
 
 def bulkheads(hulk: Hulk, aft: float, ahead: float, rng: np.random.Generator) -> list[Mesh]:
-    """Transverse ones at uneven distances, of different heights."""
+    """Transverse bulkheads at uneven distances and of different heights."""
     parts, along = [], aft + 0.03
     while along < ahead - 0.02:
         ring = hulk.section(along, 0.5 * PLATE)[::-1]
@@ -95,7 +95,7 @@ def remains(hulk: Hulk, aft: float, ahead: float, rng: np.random.Generator) -> l
 
 
 def gear(hulk: Hulk, rng: np.random.Generator) -> list[Mesh]:
-    """Of the stern: the deck house with its funnel, an engine, shaft, propeller and rudder."""
+    """Parts of the stern: the deck house with its funnel, an engine, shaft, propeller and rudder."""
     length, depth = hulk.length, hulk.depth
     house = rng.uniform((0.1, 0.6, 3.0), (0.14, 0.8, 4.5)) * (length, hulk.beam, 1.0)
     place = np.array((-0.4 * length, rng.uniform(-0.05, 0.05) * hulk.beam, depth + 0.5 * house[2] - 0.4))
@@ -118,7 +118,7 @@ def gear(hulk: Hulk, rng: np.random.Generator) -> list[Mesh]:
     return parts
 
 
-SCENE_REACH = 118.0  # nothing lies farther from the middle along x or y [m]
+SCENE_REACH = 118.0  # largest distance of parts from the middle along x and y [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,29 +129,29 @@ class Ledge:
     strike: float  # direction of its edge, from x toward y [rad]
     length: float  # of the edge [m]
     height: float  # of the break [m]
-    back: float  # how far it slopes down behind [m]
+    back: float  # length of the slope behind the edge [m]
 
 
 @dataclass(frozen=True, slots=True)
 class HullPart:
-    """How one part of the hull lies."""
+    """Pose of one part of the hull."""
 
     ends: tuple[float, float]  # of the part along the hull, in shares of its length from midships
     middle: tuple[float, float]  # x and y of its keel's middle [m]
     R_scene_part: Rotation  # its heading, trim and heel
-    sunk: float  # how deep its lowest corner is in the bed [m]
+    sunk: float  # depth of its lowest corner in the bed [m]
 
 
 @dataclass(frozen=True, slots=True)
 class WreckLayout:
-    """What the seed decides of the wreck's plan."""
+    """The plan of a wreck."""
 
     bed: float  # mean height of the sea bed [m]
     slope: tuple[float, float]  # of the bed along x and y
-    hulk: Hulk  # the ship that she was
-    heading: float  # in which she went down, from x toward y [rad]
+    hulk: Hulk  # the whole hull
+    heading: float  # of the sinking ship, from x toward y [rad]
     parts: tuple[HullPart, ...]  # from stern to bow
-    ledges: tuple[Ledge, ...]  # of rock
+    ledges: tuple[Ledge, ...]
 
 
 def wreck_layout(seed: int) -> WreckLayout:
@@ -234,21 +234,21 @@ def _ground(layout: WreckLayout, rng: np.random.Generator) -> np.ndarray:
 
 
 def _laid(layout: WreckLayout, part: HullPart, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
-    """One part of the hull with what is left in it, its lowest corner sunk into the bed below its middle."""
+    """One part of the hull with its fittings, its lowest corner sunk into the bed below its middle."""
     hulk, (aft, ahead) = layout.hulk, part.ends
     parts = [skin(hulk, aft, ahead, rng), *bulkheads(hulk, aft, ahead, rng), *remains(hulk, aft, ahead, rng)]
     if aft == -0.5:
         parts += gear(hulk, rng)
     built = merge(parts)
-    own = built.vertices - np.array((hulk.length * (aft + ahead) / 2, 0.0, 0.0))
-    turned = part.R_scene_part.apply(own)
+    centered = built.vertices - np.array((hulk.length * (aft + ahead) / 2, 0.0, 0.0))
+    turned = part.R_scene_part.apply(centered)
     lowest = turned[: (parts[0].vertices).shape[0], 2].min()
     floor = height_at(height, *part.middle)
     return [Mesh(turned + np.array((*part.middle, floor - part.sunk - lowest)), built.triangles)]
 
 
 def _slabs(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
-    """Slabs that broke off the ledges and lie before them, about as they are bedded."""
+    """Slabs that broke off the ledges and lie before them, roughly parallel to the bedding."""
     parts = []
     for ledge in layout.ledges:
         c, s = np.cos(ledge.strike), np.sin(ledge.strike)
@@ -263,7 +263,7 @@ def _slabs(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) ->
 
 
 def _spilled(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
-    """Containers, plates and pipes about the breaks."""
+    """Spilled containers, plates and pipes around the parts."""
     parts = []
     for number in range(int(rng.integers(10, 34))):
         part = layout.parts[int(rng.integers(len(layout.parts)))]
