@@ -86,19 +86,19 @@ def calibrate_poses(
         anchor="first" if fixed else "partly" if unmeasured else "world",
         nees=_squared_mahalanobis(xi, covariances),
         position_nees=_squared_mahalanobis(xi[:, 3:], covariances[:, 3:, 3:]),
-        offset=(offset := (apart := truth.translation - T_world_sensor.translation).mean(axis=0)),
-        rest=np.linalg.norm(apart - offset, axis=1),
+        offset=(offset := (errors := truth.translation - T_world_sensor.translation).mean(axis=0)),
+        rest=np.linalg.norm(errors - offset, axis=1),
     )
 
 
 def _align_first(first: RigidTransform, T_world_sensor: RigidTransform, unmeasured: Collection[str]) -> RigidTransform:
     """Poses moved as a whole so that the unmeasured degrees of freedom of the first agree with the true first pose."""
-    off = first.rotation * T_world_sensor[0].rotation.inv()
+    correction = first.rotation * T_world_sensor[0].rotation.inv()
     turn = Rotation.identity()
     if {"tilt_x", "tilt_y"} & set(unmeasured):
-        turn = off
+        turn = correction
     elif "heading" in unmeasured:
-        turn = Rotation.from_euler("Z", twist(off))
+        turn = Rotation.from_euler("Z", twist(correction))
     place = T_world_sensor[0].translation
     shift = np.where([name in unmeasured for name in ("east", "north", "up")], first.translation - place, 0.0)
     about = RigidTransform.from_translation(place)
