@@ -87,12 +87,12 @@ class Imager:
         ping, beam = np.nonzero(chosen)
         poses, scene = sweep.T_world_ping[ping], self.water.scene
         onward = poses.rotation.apply(self.fan.rays[beam, returns.rays[chosen]])
-        way, normals = scene.intersect_with_normals(poses.translation, onward)
+        first, normals = scene.intersect_with_normals(poses.translation, onward)
         closing = np.einsum("ij,ij->i", onward, normals)[:, None]
         mirrors = poses.translation + returns.ranges[chosen][:, None] * onward - 1e-3 * np.sign(closing) * normals
         second, _ = scene.intersect(mirrors, onward - 2 * closing * normals)
         ranges = returns.ranges.copy()
-        ranges[chosen] = np.where(again | np.isinf(second), 2 * way, way + second)
+        ranges[chosen] = np.where(again | np.isinf(second), 2 * first, first + second)
         in_range = ranges <= self.fan.sensor.max_range
         return Returns(np.where(in_range, ranges, np.inf), np.where(in_range, returns.strengths, 0.0), returns.rays)
 

@@ -103,7 +103,7 @@ CRAB = np.deg2rad(20.0)  # largest angle between the vehicle's heading and its c
 ROCKING = np.deg2rad(1.5)  # standard deviation of a look's roll and pitch against the middle one's
 BEAMS = 2  # stride over the beams of the sensor's rows and columns
 CELL = OVERLAP_RADIUS / 3  # edge of the cells that keep one point each, in a scene of 256 m [m]
-STRAY = 3.0  # edge of the cells in which a single point is a stray, in cells
+STRAY = 3.0  # edge of the cells in which a single point is a stray, in units of CELL
 # Standard deviations of odometry's error at either end of a path against its middle
 DRIFT, TURNED = 0.2, np.deg2rad(0.3)  # each coordinate in a scene of 256 m [m]; about each axis [rad]
 
@@ -119,11 +119,11 @@ def on_path(still: Observer, rng: np.random.Generator) -> PathObserver:
 def draw_path(count: int, step: float, rng: np.random.Generator) -> RigidTransform:
     """Draw T_middle_look of `count` looks every `step` [m] along an arc; the vehicle crabs and rocks."""
     bend, crab = rng.uniform(-BEND, BEND), rng.uniform(-CRAB, CRAB)
-    way = np.arange(count) - count // 2
-    turned = bend * way / count
+    look = np.arange(count) - count // 2
+    turned = bend * look / count
     heading = crab + turned
     # the course from one look to the next is the one halfway between them
-    between = crab + bend * (way[:-1] + way[1:]) / 2 / count
+    between = crab + bend * (look[:-1] + look[1:]) / 2 / count
     places = np.concatenate([[(0, 0)], np.cumsum(step * np.column_stack([np.cos(between), np.sin(between)]), axis=0)])
     places -= places[count // 2]
     rocking = rng.normal(0.0, ROCKING, (count, 2))

@@ -66,9 +66,9 @@ class Profiler:
         believed, drift = np.zeros((count, 3)), DRIFT
         if self.turning:
             drift, course = TURNING_DRIFT, rng.uniform(-np.pi, np.pi)
-            way = rng.uniform(0, WAY) * self.water.sensor.max_range
+            length = rng.uniform(0, WAY) * self.water.sensor.max_range
             believed[:, :2] = np.outer(np.arange(count) / count - count // 2 / count, (np.cos(course), np.sin(course)))
-            believed *= way
+            believed *= length
         error = walk(count, (drift * size, drift * size, HEAVE * size, YAW_DRIFT), rng)
         tilt = rng.normal(0.0, FRAME_TILT, 2)
         return Sweep(

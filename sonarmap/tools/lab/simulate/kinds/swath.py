@@ -65,7 +65,7 @@ class Sounder:
         return pick(self.fan, ranges, strengths)
 
     def _width(self, place: np.ndarray) -> float:
-        """Width [m] of a swath over a bed as flat and deep as below `place`, limited by the maximum range."""
+        """Width [m] of a swath over a flat bed as deep as below `place`, limited by the maximum range."""
         height = float(place[2] - self.water.ground(place[None, :2])[0])
         reach = self.fan.sensor.max_range * math.sin(self.across / 2)
         return 2 * min(abs(height) * math.tan(self.across / 2), reach)

@@ -41,7 +41,7 @@ class Sweep:
     T_frame_ping: RigidTransform  # (K,) poses: where the sensor truly was at each ping
     T_frame_believed: RigidTransform  # (K,) poses: where the vehicle believed it was; the points are placed by these
     # (K,) times of the pings [s] after the stamp, if points are placed as if the vehicle stood still; None if they are
-    # placed by its dead reckoning
+    # placed by its navigation
     times: np.ndarray | None = None
 
     @property
@@ -76,9 +76,9 @@ def meet(scene: Scene, fan: Fan, T_world_ping: RigidTransform) -> tuple[np.ndarr
     ranges, sines = scene.intersect(origins.reshape(-1, 3), directions.reshape(-1, 3))
     ranges, sines = ranges.reshape(directions.shape[:3]), sines.reshape(directions.shape[:3])
     seen = (ranges >= fan.sensor.min_range) & (ranges <= fan.sensor.max_range)
-    way = np.where(seen, ranges, 0.0)
-    seen &= origins[..., 2] + way * directions[..., 2] <= 0.0
-    strengths = np.where(seen, sines**2 * 10 ** (-2 * fan.sensor.absorption * way / 10) * fan.gains, 0.0)
+    distance = np.where(seen, ranges, 0.0)
+    seen &= origins[..., 2] + distance * directions[..., 2] <= 0.0
+    strengths = np.where(seen, sines**2 * 10 ** (-2 * fan.sensor.absorption * distance / 10) * fan.gains, 0.0)
     return np.where(seen, ranges, np.inf), strengths
 
 
@@ -241,9 +241,9 @@ class Water:
         slope = -rays[..., 2, 0]
         start = T_world_ping.translation[:, None, :]
         height = np.maximum(start[..., 2] - self.bed, 0.0)
-        way = np.divide(height, slope, out=np.full(slope.shape, np.inf), where=slope > 0)
-        near = way <= fan.sensor.max_range
-        way = np.where(near, way, 0.0)
-        heard = slope**2 * 10 ** (-2 * fan.sensor.absorption * way / 10) >= fan.sensor.threshold
-        outside = (np.abs(start[..., :2] + way[..., None] * rays[..., :2, 0]) > self.edge).any(axis=-1)
-        return bool((np.isinf(ranges) & near & heard & outside).mean() > EDGE_MOST)
+        distance = np.divide(height, slope, out=np.full(slope.shape, np.inf), where=slope > 0)
+        near = distance <= fan.sensor.max_range
+        distance = np.where(near, distance, 0.0)
+        detected = slope**2 * 10 ** (-2 * fan.sensor.absorption * distance / 10) >= fan.sensor.threshold
+        outside = (np.abs(start[..., :2] + distance[..., None] * rays[..., :2, 0]) > self.edge).any(axis=-1)
+        return bool((np.isinf(ranges) & near & detected & outside).mean() > EDGE_MOST)
