@@ -1,7 +1,7 @@
-"""`sonarmap doctor`: what is wrong with this machine or this installation, and what to do about it.
+"""`sonarmap doctor`: faults of the installation and of this machine, with remedies.
 
-It has to work where the rest does not: only the standard library is imported at the top, and what a driver or a broken
-library can end is tried in a process of its own.
+It must run where the rest does not: only the standard library is imported at the top, and checks that a driver or a
+broken library could crash run in another process.
 """
 
 import json
@@ -24,20 +24,20 @@ Verdict = Literal["ok", "warning", "wrong"]
 VERDICTS: tuple[Verdict, ...] = ("ok", "warning", "wrong")  # the worst last
 WRONG = 2  # exit code
 _LOADING, _TESTING = 240.0, 900.0  # seconds; each driver has a limit of its own
-_PLENTY, _LEAST = 1 << 30, 32 << 20  # bytes free: of a survey of thousands of scans, and of a small one
+_PLENTY, _LEAST = 1 << 30, 32 << 20  # free bytes: for a survey of thousands of scans, and for a small one
 _TRIAL = 64 << 10  # bytes that are written to see whether a file can grow
 _USUAL_EDGE = 128  # of --grid
-# Modules that are not called as their distributions.
+# Modules whose names differ from their distributions'.
 _MODULES = {"pillow": "PIL", "protobuf": "google.protobuf", "python-neo-lzf": "lzf"}
-_NARROWEST, _WIDEST = 60, 100
+_NARROWEST, _WIDEST = 60, 100  # columns of the output
 _INDENT = " " * 21  # columns of the verdict and of the name
 
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """What to do."""
+    """Advice on a finding."""
 
-    words: str  # a sentence, or the beginning of the command's
+    words: str  # a sentence, or the words before the command
     command: str = ""  # to be pasted into a shell; "" where there is none
 
 
@@ -45,16 +45,16 @@ class Remedy:
 class Finding:
     """One thing that was checked."""
 
-    verdict: Verdict  # "wrong" where something that is needed does not work, "warning" where part of it may not
-    seen: str  # what was seen, in lines
+    verdict: Verdict  # "wrong": something that is needed does not work; "warning": part of it may not
+    seen: str  # what the check saw; lines
     remedies: tuple[Remedy, ...] = ()  # the best first
     details: Mapping[str, Any] = field(default_factory=dict[str, Any])  # the same for programs, of JSON's types
     check: str = ""  # what was checked, in a word
 
 
 def run(folder: Path, quick: bool, in_json: bool, known: Sequence[Finding] = ()) -> int:
-    """Check everything, and print each finding as soon as it is known, after those `known` before, or all at the end as
-    JSON. The exit code: 0 where all that is needed works, else 2."""
+    """Check everything, and print each finding at once, or all as JSON at the end; `known` are earlier findings. Return
+    the exit code: 0 if all that is needed works, else 2."""
     width = min(max(shutil.get_terminal_size().columns, _NARROWEST), _WIDEST)
     findings: list[Finding] = []
     for finding in chain(known, examine(folder, quick)):
@@ -66,18 +66,18 @@ def run(folder: Path, quick: bool, in_json: bool, known: Sequence[Finding] = ())
 
 
 def run_from(arguments: Sequence[str], error: Exception) -> int:
-    """The same from the words after `sonarmap doctor`, where the command line cannot start and so read them."""
+    """`run` by the arguments of `sonarmap doctor`, if `error` prevents the command line from starting."""
     folders = [word for word in arguments if not word.startswith("-")]
     missing = (getattr(error, "name", None) or "").partition(".")[0]
-    again = Remedy("install what it is made of again:", _pip("--force-reinstall", missing))
+    again = Remedy("reinstall the library:", _pip("--force-reinstall", missing))
     seen = f"the other verbs cannot start: {type(error).__name__}: {error}"
     start = Finding("wrong", seen, (again,) if missing else (), check="command")
     return run(Path(folders[0] if folders else "."), "--quick" in arguments, "--json" in arguments, [start])
 
 
 def examine(folder: Path, quick: bool) -> Iterator[Finding]:
-    """The findings, each as soon as it is known. `folder` is where results are to go; `quick` loads no library and runs
-    no self-test."""
+    """Yield the findings one by one. `folder` is the folder for results; `quick` loads no library and runs no
+    self-test."""
     yield _checked("libraries", lambda: _required(load=not quick))
     yield _checked("optional", _optional)
     yield (opencl := _checked("OpenCL", lambda: _opencl(test=not quick)))
@@ -86,13 +86,13 @@ def examine(folder: Path, quick: bool) -> Iterator[Finding]:
 
 
 def _checked(name: str, check: Callable[[], Finding]) -> Finding:
-    """What a check finds; one that fails itself is a finding too."""
+    """The finding of a check; a check that raises is a finding too."""
     try:
         finding = check()
     except ImportError as error:
         install = (Remedy("install it:", _pip(error.name)),) if error.name else ()
         finding = Finding("wrong", f"cannot be checked: {error}", install)
-    except Exception as error:  # noqa: BLE001 - here of all places a broken installation must not end the program
+    except Exception as error:  # noqa: BLE001 - a broken installation must not end the doctor
         frame = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(frame.filename).name}, line {frame.lineno}"
         finding = Finding("wrong", f"cannot be checked: {type(error).__name__}: {error} ({place})")
@@ -100,7 +100,7 @@ def _checked(name: str, check: Callable[[], Finding]) -> Finding:
 
 
 def _required(load: bool) -> Finding:
-    """Whether everything that sonarmap requires is installed, in a version that fits, and can be loaded."""
+    """Check that all required libraries are installed in the right versions and, with `load`, can be loaded."""
     from packaging.requirements import Requirement
 
     lines = [Requirement(text) for text in metadata.requires("sonarmap") or []]
@@ -123,23 +123,23 @@ def _required(load: bool) -> Finding:
     again = [names.get(module, module.replace("_", "-")) for module in faults]
     remedies = [Remedy("install what is missing:", _pip(*bad))] if bad else []
     if faults:
-        remedies.append(Remedy("install again what cannot be loaded:", _pip("--force-reinstall", "--no-deps", *again)))
-        remedies.append(Remedy("a system library (.so) that is missing is one of those that tools/setup.sh installs"))
+        remedies.append(Remedy("reinstall what cannot be loaded:", _pip("--force-reinstall", "--no-deps", *again)))
+        remedies.append(Remedy("a missing system library (.so) is one of those that tools/setup.sh installs"))
     return Finding("wrong", "\n".join(seen), tuple(remedies), details)
 
 
 def _optional() -> Finding:
-    """Which libraries of the extras are not installed."""
+    """List the libraries of the extras that are not installed."""
     from sonarmap.tools.extras import EXTRA_OF
 
     missing = {module: extra for module, extra in EXTRA_OF.items() if find_spec(module) is None}
     words = ", ".join(f"{module} [{extra}]" for module, extra in missing.items())
-    seen = f"not installed, by the extra that brings it: {words}" if missing else "all are installed"
+    seen = f"not installed [extra that has it]: {words}" if missing else "all are installed"
     return Finding("ok", seen, details={"missing": missing})
 
 
 def _load_faults(modules: list[str]) -> dict[str, str]:
-    """Which modules cannot be loaded, and why; one that ends the process is blamed, and the others are tried."""
+    """Reasons of the modules that cannot be loaded. After one that ends the process the others are still tried."""
     from sonarmap.kernels.child import ask
 
     faults: dict[str, str] = {}
@@ -155,7 +155,7 @@ def _load_faults(modules: list[str]) -> dict[str, str]:
 
 
 def _opencl(test: bool) -> Finding:
-    """The devices, which would be used, and what fits on it. Without `test` the last self-tests count."""
+    """List the devices, and find which would be used and what fits on it; without `test` the last self-tests count."""
     from sonarmap.kernels.child import ask
 
     if _memory_is_short():
@@ -174,7 +174,7 @@ def _opencl(test: bool) -> Finding:
         fault = str(errors[0])
         remedies = []
         if any(not device["fault"] for device in devices):
-            remedies = [Remedy("have a device chosen that works:", "unset PYOPENCL_CTX")]
+            remedies = [Remedy("let a working device be chosen:", "unset PYOPENCL_CTX")]
         elif not devices:
             fault += f"\n{_drivers_looked_for()}"
     else:  # a driver took the process with it, or hangs
@@ -184,7 +184,7 @@ def _opencl(test: bool) -> Finding:
 
 
 def device_line(device: Mapping[str, Any], chosen: str | None) -> str:
-    """A device, as an entry of `sonarmap devices --json`, in a line."""
+    """A device, an entry of `sonarmap devices --json`, as a line of text."""
     mark = "* " if device["selector"] == chosen else ""
     works = f"does not work: {device['fault']}" if device["fault"] else "works"
     if not device["compute_units"]:
@@ -206,7 +206,7 @@ def _drivers_looked_for() -> str:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: load libraries, or list the devices, choose one, and say what fits on it."""
+    """In the other process: load libraries; or list the devices, choose one, and report what fits on it."""
     from sonarmap.kernels.child import answer
 
     if arguments[0] == "devices":
@@ -215,7 +215,7 @@ def main(arguments: Sequence[str]) -> None:
         answer(begins=module)
         try:
             import_module(module)
-        except Exception as error:  # noqa: BLE001 - whatever a broken library raises is what is asked for
+        except Exception as error:  # noqa: BLE001 - any error of a broken library is an answer
             answer(fault=[module, " ".join(f"{type(error).__name__}: {error}".split())[:300]])
 
 
@@ -234,7 +234,7 @@ def _answer_devices(test: bool) -> None:
         answer(begins="choosing a device")
         device = choose_device()
         from sonarmap.kernels.fft.edges import EDGES
-        from sonarmap.spectral.memory import largest_edge, memory_plan  # loads SciPy: only once devices were tried
+        from sonarmap.spectral.memory import largest_edge, memory_plan  # loads SciPy, so after the devices
 
         pairs = [(edge, max(memory_plan(edge, method).pair for method in ("spectral", "hemisphere"))) for edge in EDGES]
         plan = {"pairs": pairs, "largest": largest_edge(device), "memory": device.memory, "shared": device.is_cpu}
@@ -244,15 +244,14 @@ def _answer_devices(test: bool) -> None:
 
 
 def _memory_is_short() -> bool:
-    """Whether a limit, or what other programs take, leaves too little for sonarmap itself: then anything may fail."""
+    """Whether too little memory is free for sonarmap itself, so that any check may fail."""
     from sonarmap.tools.files.memory import room_for_arrays
 
     return room_for_arrays() < 0
 
 
 def _memory(plan: Mapping[str, Any] | None) -> Finding:
-    """Whether the usual grid fits, and which is the largest that does, by the device's plan; None where there is no
-    device."""
+    """Check that the usual grid fits, and find the largest that does, by the device's `plan`; None without a device."""
     from sonarmap.kernels.counted import sized
     from sonarmap.tools.files.memory import available_memory, room_for_arrays
 
@@ -271,7 +270,7 @@ def _memory(plan: Mapping[str, Any] | None) -> Finding:
 
 
 def _disk(folder: Path) -> Finding:
-    """The folder for results, and that of temporary files: whether they can be written, and how much room is left."""
+    """Check that the folders for results and temporary files can be written, and have room."""
     from sonarmap.kernels.counted import sized
 
     verdicts = list[Verdict]()
@@ -290,7 +289,7 @@ def _disk(folder: Path) -> Finding:
 
 
 def look_at(folder: Path) -> tuple[int, str]:
-    """The bytes free where a folder is, or would be made, and why nothing can be written there, or ""."""
+    """Free bytes where a folder is, or would be made, and the reason why it cannot be written, or ""."""
     free = 0
     try:
         there = next((parent for parent in (folder, *folder.parents) if parent.exists()), folder)
@@ -307,7 +306,7 @@ def look_at(folder: Path) -> tuple[int, str]:
 
 
 def summary(findings: Sequence[Finding]) -> str:
-    """All of it in a line."""
+    """The verdict on all findings, in a line."""
     verdicts = [finding.verdict for finding in findings]
     name, warnings = f"sonarmap {_version('sonarmap') or '(not installed)'}", verdicts.count("warning")
     also = f"{warnings} {'warning' if warnings == 1 else 'warnings'}" if warnings else ""
@@ -318,8 +317,8 @@ def summary(findings: Sequence[Finding]) -> str:
 
 
 def lines_of(finding: Finding, width: int = 80) -> list[str]:
-    """A finding as lines: the verdict, the name, what was seen, and below it what to do. A command stands on a line of
-    its own, whole, so that it can be copied."""
+    """A finding as lines: the verdict, the name, what was seen, and below it the remedies. A command has a line of
+    its own, so that it can be copied."""
     first, *others = finding.seen.splitlines() or [""]
     lines = _wrapped(first, f"{finding.verdict:<9}{finding.check:<12}", width)
     for line in others:
@@ -331,19 +330,19 @@ def lines_of(finding: Finding, width: int = 80) -> list[str]:
 
 
 def as_json(findings: Sequence[Finding]) -> dict[str, Any]:
-    """All of it, of JSON's types."""
+    """The findings as an object of JSON's types."""
     worst = max((finding.verdict for finding in findings), key=VERDICTS.index)
     checks = [{"check": finding.check} | asdict(finding) for finding in findings]
     return {"sonarmap": _version("sonarmap") or None, "verdict": worst, "checks": checks}
 
 
 def _pip(*wanted: str) -> str:
-    """How to install distributions where this Python looks for them."""
+    """A command that installs distributions for this Python."""
     return shlex.join([sys.executable, "-m", "pip", "install", *wanted])
 
 
 def _version(distribution: str) -> str:
-    """Of a distribution; "" where it is not installed."""
+    """Version of a distribution; "" if it is not installed."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
@@ -356,6 +355,6 @@ def _wrapped(text: str, head: str, width: int) -> list[str]:
 
 
 def _print(text: str) -> None:
-    """Also where stdout cannot hold all letters."""
+    """Print a text; characters that stdout cannot encode are replaced."""
     coding = getattr(sys.stdout, "encoding", None) or "utf-8"
     print(text.encode(coding, errors="replace").decode(coding), flush=True)

@@ -1,4 +1,4 @@
-"""How a verb fails, or typer refuses a command line: a message on stderr, with --json an object too, and a code."""
+"""Errors of the command line: a message on stderr, with --json also an object on stdout, and an exit code."""
 
 import errno
 import functools
@@ -23,24 +23,23 @@ from sonarmap.tools.command.terminal import quietly, say, shortened
 from sonarmap.tools.extras import EXTRA_OF, how_to_install
 from sonarmap.tools.files.writers.atomic import appeared
 
-MISUSE = 2  # as typer's own for options that it refuses
+MISUSE = 2  # typer's exit code for a wrong option
 DEFECT = 1
 INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of a full or broken disk
 STOPPED = "stopped: "
-LISTED = 5  # names of files in a message
+LISTED = 5  # file names in a message
 _LESS = "give less at a time, or thin it out; 'sonarmap doctor' says what fits"
-UsageError: Any = typer.BadParameter.__base__  # of all that typer refuses; it has no public name
+UsageError: Any = typer.BadParameter.__base__  # base of typer's errors about options; it has no public name
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command, with what it raises turned into a message and an exit code; its `quiet` and `as_json` say who
-    hears what."""
+    """The command, with its exceptions turned into a message, for its `quiet` and `as_json`, and an exit code."""
 
     @functools.wraps(command)
     def guard(*args: Any, **options: Any) -> Any:
-        as_json = bool(options.get("as_json", "--json" in sys.argv[1:]))  # before the verb, none knows it yet
+        as_json = bool(options.get("as_json", "--json" in sys.argv[1:]))  # for commands without this option
         written = len(appeared)
         with quietly(bool(options.get("quiet")), as_json), terminated_as_interrupted():
             try:
@@ -54,7 +53,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
-    """Say what went wrong, on stdout as JSON too; `written` are the files that are there, whole. The exit code."""
+    """Report an error, and return the exit code. `written` are the files that were completed before."""
     match error:
         case KeyboardInterrupt():
             message = what_became(error) or _written(written)
@@ -62,7 +61,7 @@ def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
             print_failure(STOPPED + message, INTERRUPTED, as_json)
             return INTERRUPTED
         case BrokenPipeError():
-            discard(sys.stdout)  # the reader has left, as `head` does: no error to report
+            discard(sys.stdout)  # the reader closed it, as `head` does: that is not an error
             return PIPE_CLOSED
         case OSError() if error.errno in FULL:
             return output_lost(error)
@@ -88,7 +87,7 @@ def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
 
 
 def _unloadable(error: ImportError, module: str) -> str:
-    """A library is missing or broken."""
+    """Message about a library that is missing or broken."""
     if (extra := EXTRA_OF.get(module)) and isinstance(error, ModuleNotFoundError):
         return f"this needs {module}, which is not installed. {how_to_install(extra)}."
     return f"a library cannot be loaded: {' '.join(str(error).split())}. 'sonarmap doctor' says what to do"
@@ -105,7 +104,7 @@ def _defect(error: Exception) -> str:
 
 
 def print_failure(message: str, code: int, as_json: bool) -> None:
-    """Print why a command failed, for the program that asked for JSON."""
+    """Print a failure as JSON on stdout, if that was asked for."""
     if as_json:
         typer.echo(json.dumps({"error": shortened(message), "exit_code": code}))
 
@@ -119,7 +118,7 @@ def _written(paths: Sequence[Path]) -> str:
 
 
 def output_lost(error: OSError) -> int:
-    """stdout or stderr goes to a file on a full disk."""
+    """Report that stdout or stderr cannot be written, and return the exit code."""
     discard(sys.stdout)
     reason = error.strerror or error
     message = f"cannot write the output: {reason}. Make room, or redirect it elsewhere, and run the command again."
@@ -129,7 +128,7 @@ def output_lost(error: OSError) -> int:
 
 
 def discard(stream: TextIO) -> None:
-    """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
+    """Redirect a stream to /dev/null: flushing its buffer at exit would raise an error."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -141,13 +140,13 @@ OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "edge": "--grid",
     "repairs": "--repair",
 }
-FLAGS = {"--fresh", "--repair"}  # without a value
+FLAGS = {"--fresh", "--repair"}  # options without a value
 
 _ARGUMENT = re.compile(r"`(\w+)(?:=([^`]*))?`")
 
 
 def as_options(message: str) -> str:
-    """The message with every argument in backticks as its option; one that is no option loses its backticks."""
+    """Replace library arguments in backticks, as `max_tilt=20`, by options; other words lose their backticks."""
     return _ARGUMENT.sub(_option, message)
 
 
@@ -161,8 +160,8 @@ def _option(argument: re.Match[str]) -> str:
 
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the block as Ctrl-C does: files are closed, and workers end."""
-    if threading.current_thread() is not threading.main_thread():  # only it receives signals
+    """Within the block SIGTERM raises KeyboardInterrupt, as Ctrl-C does, so that files are closed and workers end."""
+    if threading.current_thread() is not threading.main_thread():  # only the main thread receives signals
         yield
         return
 
@@ -178,7 +177,7 @@ def terminated_as_interrupted() -> Iterator[None]:
 
 @contextmanager
 def when_stopped(words: Callable[[], str]) -> Iterator[None]:
-    """Where the block is stopped, `words` says what was kept and how to go on; of nested blocks the inner one does."""
+    """If the block is interrupted, note `words()`: what is kept, and how to continue. The innermost block counts."""
     try:
         yield
     except KeyboardInterrupt as stop:
@@ -188,5 +187,5 @@ def when_stopped(words: Callable[[], str]) -> Iterator[None]:
 
 
 def what_became(stop: KeyboardInterrupt) -> str:
-    """What `when_stopped` noted; "" where it noted nothing."""
+    """The note of `when_stopped`; "" without one."""
     return " ".join(getattr(stop, "__notes__", ()))

@@ -1,7 +1,7 @@
 """The `sonarmap` command and its verbs, and settings from a file: `sonarmap --config FILE VERB ...`.
 
-The file is TOML with a section per verb and an option per line, as `grid = 96` under [map]. Its values take the place
-of the verb's defaults; the command line counts for more.
+The file is TOML with a section per verb and an option per line, as `grid = 96` under [map]. Its values replace the
+verb's defaults; options on the command line override them.
 """
 
 import inspect
@@ -24,8 +24,8 @@ from sonarmap.tools.command.option import spread
 from sonarmap.tools.command.terminal import print_result, say, shortened, show_messages
 from sonarmap.tools.files.user_file import require_file
 
-# A verb is the function `command` in tools/command/verbs/<verb>.py, or one of its own name beside another verb's; its
-# docstring is the help. A new verb is a new name here; the help lists them in these groups, in this order.
+# A verb is the function `command` in verbs/<verb>.py, or, if _BESIDE has it, the function of its name in another verb's
+# file. Its docstring is the help, which lists the verbs in these groups and this order.
 GROUPS = {
     "Survey": ("record", "live", "inspect", "map"),
     "Finished map": ("view", "export", "locate", "section", "volume", "compare"),
@@ -33,7 +33,7 @@ GROUPS = {
     "Machine": ("doctor", "devices"),
     "Laboratory": ("simulate", "evaluate", "reproduce", "bench"),
 }
-_BESIDE = {"doctor": "devices", "view": "export", "volume": "section"}
+_BESIDE = {"doctor": "devices", "view": "export", "volume": "section"}  # the file of each
 VERBS = [verb for verbs in GROUPS.values() for verb in verbs]
 _ALL = "--help-all"
 
@@ -47,19 +47,19 @@ ConfigOption = Annotated[
         show_default=False,
     ),
 ]
-_MOST_BYTES = 1 << 20  # of a pipe or a device that does not end
+_MOST_BYTES = 1 << 20  # read from a file, which may be a pipe or a device without an end
 _LONGEST_VALUE = 80  # characters of a value that is printed
 
 
 def use_settings(context: typer.Context, path: Path | None) -> None:
-    """Have the verb that is about to run take its defaults from a file."""
+    """Replace the verbs' defaults by the values in a file, if there is one."""
     if path is not None:
         verbs: Any = context.command
         context.default_map = read_settings(path, verbs.commands)
 
 
 def say_settings(context: Any) -> None:
-    """Say which options of the verb that is about to run came from the file."""
+    """Print which options of the verb were taken from the settings file."""
     values = [
         f"{_key(parameter)} {shortened(str(context.params[parameter.name]), _LONGEST_VALUE)}"
         for parameter in context.command.params
@@ -70,14 +70,14 @@ def say_settings(context: Any) -> None:
 
 
 def read_settings(path: Path, verbs: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The values in a file, by the verb and by the name of its parameter; typer checks those of the verb that runs."""
+    """Values in a settings file, by verb and parameter. Only those of the verb that runs are checked, by typer."""
     require_file(path, pipe=True)
     try:
         with path.open("rb") as file:
             content = tomllib.loads(file.read(_MOST_BYTES).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"cannot read the settings {path}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:  # TOML's, and of bytes that are no UTF-8
+    except (ValueError, RecursionError) as error:  # invalid TOML or UTF-8
         raise InputError(f"{path} is no TOML file: {error}. Fix that line") from error
     values: dict[str, dict[str, Any]] = {}
     for section, lines in content.items():
@@ -95,40 +95,40 @@ def read_settings(path: Path, verbs: Mapping[str, Any]) -> dict[str, dict[str, A
 
 
 def _key(parameter: Any) -> str:
-    """What an option is called in a file: as on the command line, without the dashes before it."""
+    """An option's name in a settings file: its long name without dashes."""
     # pyrefly: ignore[missing-attribute]
     return max(parameter.opts, key=len).lstrip("-")
 
 
-def _nearest(name: str, known: Iterable[str]) -> str:
-    near = get_close_matches(name, list(known), n=1)
-    return f"; perhaps {near[0]}?" if near else f"; choose from {', '.join(known)}"
+def _nearest(name: str, names: Iterable[str]) -> str:
+    near = get_close_matches(name, list(names), n=1)
+    return f"; perhaps {near[0]}?" if near else f"; choose from {', '.join(names)}"
 
 
 class Verb(TyperCommand):
-    """A verb whose rare options only --help-all and the shell's completion show."""
+    """A verb whose rare options are shown only by --help-all and by shell completion."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take --help-all for --help with all options."""
+        """Parse --help-all as --help with the rare options."""
         if _ALL in args:
             self._show_rare_options()
             args = ["--help"]
         return super().parse_args(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help, and how many options are not in it."""
+        """Print the help, and the number of rare options that it omits."""
         # pyrefly: ignore[missing-attribute]
         rare = sum(parameter.hidden for parameter in self.params)
         self.epilog = f"{rare} more options: {ctx.command_path} {_ALL}" if rare else None
         super().format_help(ctx, formatter)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """What can follow on the command line."""
+        """Completions of the last word, rare options included."""
         self._show_rare_options()
         return super().shell_complete(ctx, incomplete)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run it."""
+        """Print the options from the settings file, and run the verb."""
         say_settings(ctx)
         return super().invoke(ctx)
 
@@ -138,10 +138,10 @@ class Verb(TyperCommand):
 
 
 class VerbGroup(TyperGroup):
-    """The command without a verb."""
+    """The `sonarmap` command, which contains the verbs."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take --config wherever it stands: it is the command's, and no verb has an option of this name."""
+        """Accept --config after the verb too: it is moved to the front, as no verb has an option of this name."""
         for k, word in enumerate(args[: args.index("--")] if "--" in args else args):
             after = k + (1 if "=" in word else 2)
             if word.partition("=")[0] == "--config" and after <= len(args):
@@ -152,14 +152,14 @@ class VerbGroup(TyperGroup):
     def main(
         self, args: Any = None, prog_name: str | None = None, *others: Any, standalone_mode: bool = True, **extra: Any
     ) -> Any:
-        """Run a verb; what typer refuses is an error like any other, in one line."""
+        """Run a verb; an error that typer finds is printed in one line, like any other."""
         try:
             code = super().main(args, prog_name or "sonarmap", *others, standalone_mode=False, **extra)
         except UsageError as error:
             if not standalone_mode:
                 raise
-            if message := error.format_message().strip():  # none where the help was asked for by giving nothing
-                refused = getattr(error.__cause__, "errors", list)()  # by pydantic, which does not say what was given
+            if message := error.format_message().strip():  # empty if no argument was given and the help was printed
+                refused = getattr(error.__cause__, "errors", list)()  # pydantic's message lacks the value
                 message += f", not {refused[0]['input']!r}" if refused else ""
                 call = error.ctx.command_path if error.ctx is not None else "sonarmap"
                 message += f"{'' if message[-1] in '.?' else '.'} `{call} --help` shows how it is called."
@@ -182,15 +182,15 @@ app = typer.Typer(
 
 
 def run() -> None:
-    """The entry point. Exit codes: 0 done, 1 a defect of the program, 2 something that the user can fix, 3 a result
-    that is incomplete or not to be trusted, 130 interrupted, 141 nobody reads the output any more."""
+    """Entry point. Exit codes: 0 success, 1 a defect of sonarmap, 2 an error that the user can fix, 3 an incomplete or
+    unreliable result, 130 interrupted, 141 broken pipe."""
     _open_missing_streams()
     show_messages()
     try:
         try:
             app()
         finally:
-            sys.stdout.flush()  # here, where a closed pipe can still be told apart from a defect
+            sys.stdout.flush()  # here, where a broken pipe is still caught
     except (KeyboardInterrupt, BrokenPipeError, ImportError) as error:
         sys.exit(failed(error, "--json" in sys.argv[1:], ()))
     except OSError as error:
@@ -198,13 +198,13 @@ def run() -> None:
     finally:
         try:
             sys.stderr.flush()
-        except OSError:  # nobody can be told
+        except OSError:  # stderr itself cannot be written
             discard(sys.stderr)
 
 
 def _open_missing_streams() -> None:
     """Open /dev/null for each of stdin, stdout and stderr that the caller closed: otherwise the next opened file
-    would take its number, and what is printed would land in that file."""
+    would take its number, and messages would be printed into that file."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
@@ -238,7 +238,7 @@ app.callback()(guarded(_options))
 
 
 def _flowing(docstring: str) -> str:
-    """The docstring without line breaks within its paragraphs, which the help would keep."""
+    """The docstring without line breaks inside paragraphs, which the help would keep."""
     return re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(docstring))
 
 

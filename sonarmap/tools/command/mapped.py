@@ -1,4 +1,4 @@
-"""What came of `sonarmap map`: the survey on one screen, a table of its pairs, ties and control points."""
+"""Printed results of `sonarmap map`: a summary on one screen, tables of pairs and control points, ties."""
 
 import json
 import math
@@ -25,28 +25,28 @@ if TYPE_CHECKING:
     from sonarmap.slam.survey_result import SurveyResult
 
 MOST_WARNINGS, LINES_OF_A_WARNING = 3, 2  # what fits a screen; --verbose shows all in full
-MOST_OF_A_KIND = 5  # warnings of as many scans
+MOST_OF_A_KIND = 5  # warnings of one kind
 MOST_FILES = 12  # names of files on a terminal
-_LABELS = 9  # columns of the words to the left
+_LABELS = 9  # columns of the rows' labels
 
 
 @dataclass(frozen=True, slots=True)
 class Mapped:
-    """What a run of `map` made."""
+    """The result of a run of `map`."""
 
     result: "SurveyResult"
     names: Sequence[str]  # of the scans
     out: Path
-    unread: int  # how many more scans could not be read
-    on_earth: bool = False  # whether it is known where the map lies on the Earth
+    unread: int  # number of scans that could not be read, which `names` lacks
+    on_earth: bool = False  # whether the map's place on the Earth is known
     made_of_it: list[str] = field(default_factory=list[str])  # files written after the map: its report, and exports
-    # what came of lines of pings, in words
+    # rows of the summary about lines of pings: label and text
     of_lines: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
 
     @property
     def whole(self) -> bool:
-        """Whether every scan is in one map, by more than the usual motion, no pair ended by an error of the method, and
-        instruments fit them."""
+        """Whether one map has all scans, no pair failed by an error of the method, no gap is bridged without
+        confirmation, and no instrument contradicts the map."""
         from sonarmap.tools.products.output.faults import contradictions
 
         defects = any(pair.is_defect for pair in self.result.pairs)
@@ -55,7 +55,7 @@ class Mapped:
 
 
 def print_mapped(mapped: Mapped, seconds: float, verbose: bool) -> None:
-    """Print what came of a survey, what its user should look at, what to do next, and the files."""
+    """Print a survey's summary, the warnings about it, the next commands, and the files."""
     if verbose:
         print_pairs(mapped.result, mapped.names)
     _print_rows([*_outcome(mapped), ("time", str(timedelta(seconds=round(seconds))))])
@@ -78,12 +78,12 @@ def written_summary(out: Path) -> str:
     except OSError as error:
         reason = error.strerror or error
         raise InputError(
-            f"cannot read {out / SUMMARY}: {reason}; it was written, and then removed. Run the command again"
+            f"cannot read {out / SUMMARY}: {reason}; it was removed after it was written. Run the command again"
         ) from error
 
 
 def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
-    """Warn of what the user should look at, the most important first: all, or as much as fits a screen."""
+    """Print the warnings about a map, the most important first: all of them, or those that fit a screen."""
     from sonarmap.tools.files.readers.csv_table import SUMMARY
     from sonarmap.tools.products.output.faults import faults
 
@@ -97,7 +97,7 @@ def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
 
 
 def warn_of_some(messages: Sequence[str]) -> None:
-    """Warn of the first of several things of one kind, and say how many more there are."""
+    """Print the first of several warnings of one kind, and the number of the others."""
     for message in messages[:MOST_OF_A_KIND]:
         warn(message)
     if more := len(messages[MOST_OF_A_KIND:]):
@@ -105,16 +105,16 @@ def warn_of_some(messages: Sequence[str]) -> None:
 
 
 def _shortened(fault: str) -> str:
-    """On a terminal what fits two lines; elsewhere all of it."""
+    """The warning; on a terminal only its first lines."""
     console = error_console()
-    room = LINES_OF_A_WARNING * (console.width - 10)  # words are not divided at a line's end
+    room = LINES_OF_A_WARNING * (console.width - 10)  # lines end between words
     if not console.is_terminal or len(fault) <= room:
         return fault
     return fault[:room].rsplit(" ", 1)[0] + " …"
 
 
 def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
-    """Words on the left, and what they are about beside them, on as many lines as it takes."""
+    """Print labels on the left and their texts beside them, which may take several lines."""
     from rich.table import Table
     from rich.text import Text
 
@@ -150,19 +150,19 @@ def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
 
 
 def _stream(result: "SurveyResult") -> list[tuple[str, str]]:
-    """Of a dense stream, how its scans were placed."""
+    """A row about how the scans of a dense stream were placed; none for other surveys."""
     if result.keys is None:
         return []
-    left = len(result.interpolated)
+    alone = len(result.interpolated)
     between = len(result.trajectory) - len(result.keys) - len(result.odd)
-    told = f", {left} placed by motion alone" if left else ""
+    rest = f", {alone} placed by motion alone" if alone else ""
     return [
-        ("stream", f"{counted(len(result.keys), 'key scan')}; {between - left} between them registered to these{told}")
+        ("stream", f"{counted(len(result.keys), 'key scan')}; {between - alone} between them registered to these{rest}")
     ]
 
 
 def _straightened(result: "SurveyResult") -> list[tuple[str, str]]:
-    """Of scans that were taken while the sensor moved, how far their points were moved."""
+    """A row about scans corrected for the sensor's motion: how far their points were moved."""
     from statistics import median
 
     if result.straightened is None:
@@ -177,15 +177,15 @@ def _straightened(result: "SurveyResult") -> list[tuple[str, str]]:
 
 
 def _agreement(result: "SurveyResult") -> list[tuple[str, str]]:
-    """How navigation and scans agree."""
+    """A row about how navigation and scans agree; none without navigation."""
     from sonarmap.tools.products.output.faults import INSTRUMENTS
 
-    said = [
+    used_kinds = [
         f"{used} of {given} {INSTRUMENTS[kind]} used ({sigmas:.1f} sigmas)"
         for kind, (used, given, sigmas) in result.agreement.items()
     ]
-    left_out = [f"no {INSTRUMENTS[kind]} used" for kind in result.contradicted]
-    return [("measured", ", ".join([*said, *left_out]))] if said or left_out else []
+    unused = [f"no {INSTRUMENTS[kind]} used" for kind in result.contradicted]
+    return [("measured", ", ".join([*used_kinds, *unused]))] if used_kinds or unused else []
 
 
 def _loops(result: "SurveyResult") -> str:
@@ -206,7 +206,7 @@ def _crossings(result: "SurveyResult") -> list[tuple[str, str]]:
 
 
 def way_length(result: "SurveyResult") -> float:
-    """The track of the sensor through all maps [m], from scan to scan of the same survey and map."""
+    """Length of the sensor's track [m]: distances between consecutive scans of one survey in one map."""
     import numpy as np
 
     length = 0.0
@@ -220,7 +220,7 @@ def way_length(result: "SurveyResult") -> float:
 
 
 def _next_steps(mapped: Mapped) -> str:
-    """What to type now."""
+    """The next commands."""
     from sonarmap.tools.files.map_folder.names import REPORT
 
     out = quote(printable(str(mapped.out)))
@@ -233,12 +233,12 @@ def _next_steps(mapped: Mapped) -> str:
         place = "" if mapped.on_earth else " --origin LAT,LON"
         steps.append(f"sonarmap export {out} -o gis --format laz,geotiff{place}")
     else:
-        steps.append("to join what is apart: --priors FILE (navigation), --set hypotheses=24, or more scans in between")
+        steps.append("to join the maps: --priors FILE (navigation), --set hypotheses=24, or more scans in between")
     return "\n".join(steps)
 
 
 def _files(mapped: Mapped) -> str:
-    """The names of what was written; on a terminal the first of many."""
+    """Names of the written files; on a terminal the first of them."""
     from sonarmap.tools.files.map_folder.names import JOURNAL, OF_ALL, TIMES
     from sonarmap.tools.products.output.folder import part_files
 
@@ -253,13 +253,13 @@ def _files(mapped: Mapped) -> str:
 PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
 SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"
 _NUMBERS = ("peak", "overlap", "yaw", "distance", "sigmas", "seconds")
-_LESS_IMPORTANT = ("seconds", "distance", "yaw")  # in the order in which a narrow terminal does without them
-_LEAST_FOR_NAMES = 20  # columns of a terminal
+_LESS_IMPORTANT = ("seconds", "distance", "yaw")  # in the order in which a narrow terminal omits them
+_LEAST_FOR_NAMES = 20  # columns for the scans' names
 LISTED = 20  # points in the table; summary.json lists all
 
 
 def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
-    """Print every pair, why some were refused, and how well the poses fit."""
+    """Print the table of pairs, the reasons of the refused ones, and chi-squared before and after optimizing."""
     console = result_console()
     console.print(_table(result.pairs, names, console.width))
     refused = [pair for pair in result.pairs if not pair.kept]
@@ -276,7 +276,7 @@ def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
 
 
 def _table(pairs: "Sequence[Pair]", names: Sequence[str], width: int) -> "Table":
-    """The table, without the columns that leave no room for the names."""
+    """The table of pairs, without columns that do not fit beside the names."""
     from rich.text import Text
 
     rows = [_numbers(pair) for pair in pairs]
@@ -298,7 +298,7 @@ def _label(pair: "Pair", names: Sequence[str]) -> str:
 
 
 def _numbers(pair: "Pair") -> dict[str, str]:
-    """A pair's row of the table; empty where it could not be registered."""
+    """Numbers of a pair by column; "" for a pair that could not be registered."""
     if pair.registration is None:
         return dict.fromkeys(_NUMBERS, "")
     registration, T = pair.registration, pair.registration.T_target_source
@@ -313,7 +313,7 @@ def _numbers(pair: "Pair") -> dict[str, str]:
 
 
 def print_hand(result: "SurveyResult", names: Sequence[str]) -> None:
-    """Print what ties and control points of a survey came to; nothing without any."""
+    """Print the effects of ties and the residuals of control points, if there are any."""
     from sonarmap.tools.products.output.pairs_file import control_fit, has_no_effect, tie_effect
 
     for tie in result.ties:
@@ -325,7 +325,7 @@ def print_hand(result: "SurveyResult", names: Sequence[str]) -> None:
 
 
 def _print_control(result: "SurveyResult", names: Sequence[str], fit: Mapping[str, Any]) -> None:
-    """The worst points with their residuals, and how well all fit."""
+    """Print the points with the largest residuals, and the residuals of all by use."""
     table = number_table("point", "scan", "use", "East m", "North m", "Up m", "length m", "sigmas", words=2)
     table.columns[2].justify = "left"
     ranked = sorted(range(len(result.control)), key=lambda k: -result.control[k].in_sigmas)

@@ -1,4 +1,4 @@
-"""How scans are registered: the options with their checks, and the method that they describe, configured for scans."""
+"""Options of registration with their checks, and the registration method that they configure."""
 
 import json
 import math
@@ -24,7 +24,7 @@ DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7
 
 
 def _require_edge(edge: int) -> None:
-    from sonarmap.spectral.grid import Grid  # imports SciPy, which the help can do without
+    from sonarmap.spectral.grid import Grid  # imports SciPy, which the help does not need
 
     try:
         Grid(edge, 1.0)
@@ -39,7 +39,7 @@ check_tilt = checked(
 )
 check_seed = checked(
     lambda seed: 0 <= seed < 2**63, "{}; give a whole number from 0 to 2^63 - 1, as in --seed 1."
-)  # that every random generator can use
+)  # the seeds that every random generator accepts
 
 GridOption = Annotated[
     int | None,
@@ -76,7 +76,7 @@ TiltOption = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class MethodOptions:
-    """How to register."""
+    """Options of the registration method."""
 
     method: str = REGISTRATION.option(
         "NAME",
@@ -93,7 +93,7 @@ class MethodOptions:
     )
     settings: list[str] = REGISTRATION.option(
         "KEY=VALUE",
-        "Set a field of the configuration that the Python library has, as hypotheses=24 or keys.step=0.5; may be "
+        "Set a field of the Python library's configuration, as hypotheses=24 or keys.step=0.5; may be "
         "repeated (docs/mapping.md).",
         [],
         "--set",
@@ -103,22 +103,22 @@ class MethodOptions:
 
     @property
     def given(self) -> set[str]:
-        """Those that the user gave, by the names of their options."""
+        """Names of the options that were given, except --method."""
         names = {each.name for each in fields(self)} - {"method"}
         return {_NAMES.get(name, name) for name in names if getattr(self, name) not in (None, [])}
 
     @property
     def uses_priors(self) -> bool:
-        """Whether the method uses what instruments measured of the poses."""
+        """Whether the method uses measured poses."""
         return "priors" in find_method(self.method).options
 
 
-_NAMES = {"settings": "set"}
+_NAMES = {"settings": "set"}  # options whose names differ from the fields'
 
 
 @dataclass(frozen=True, slots=True)
 class ViewOptions:
-    """How scans are registered to views of a finished map, by the default method."""
+    """Options for registering scans to views of a finished map by the default method."""
 
     grid: GridOption = None
     voxel: VoxelOption = None
@@ -127,12 +127,12 @@ class ViewOptions:
 
     @property
     def method(self) -> MethodOptions:
-        """The same as options of a method."""
+        """These options as those of the default method."""
         return MethodOptions(grid=self.grid, voxel=self.voxel, max_tilt=self.max_tilt, device=self.device)
 
 
 def changed(config: Any, assignments: Iterable[str]) -> Any:
-    """A configuration with the fields that --set names, as in "hypotheses=24" or "limits.step=2"."""
+    """The configuration with the values that --set assigns, as in "hypotheses=24" or "limits.step=2"."""
     for text in assignments:
         path, _, value = text.partition("=")
         config = _changed(config, path.strip().split("."), value, text)
@@ -140,9 +140,9 @@ def changed(config: Any, assignments: Iterable[str]) -> Any:
 
 
 def _changed(config: Any, path: Sequence[str], value: str, text: str) -> Any:
-    known = [each.name for each in fields(config)]
-    if path[0] not in known:
-        raise InputError(f"--set {text}: there is no {path[0]!r}; choose from {', '.join(known)}")
+    names = [each.name for each in fields(config)]
+    if path[0] not in names:
+        raise InputError(f"--set {text}: there is no {path[0]!r}; choose from {', '.join(names)}")
     before = getattr(config, path[0])
     if is_dataclass(before):
         return replace(config, **{path[0]: _changed(before, path[1:] or [""], value, text)})
@@ -177,17 +177,17 @@ class ConfiguredMethod:
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """The method's part of a summary."""
+        """The method's entries in summary.json."""
         seed = {} if self.seed is None else {"seed": self.seed}
         grid = {"edge": self.edge, "voxel": self.grid.voxel}
         return {"method": self.name, "grid": grid, "spectral": self.config, **seed}
 
 
 def require_effect(options: MethodOptions, priors: bool) -> None:
-    """Refuse options that make no difference to the method, and name the methods that use them; `priors`: whether there
-    is a file of them."""
+    """Refuse options that the method does not use, and name the methods that do; `priors`: whether a file of priors
+    is given."""
     given = options.given | ({"priors"} if priors else set())
-    always = {"voxel"} if "voxel" in given else {"voxel", "grid"}  # without a voxel the edge says how large one is
+    always = {"voxel"} if "voxel" in given else {"voxel", "grid"}  # without a voxel the grid determines its size
     if idle := sorted(given - find_method(options.method).options - always):
         flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)
         verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
@@ -200,7 +200,7 @@ def require_effect(options: MethodOptions, priors: bool) -> None:
 
 
 def require_method(options: MethodOptions) -> None:
-    """Look at the method, the grid and the device before scans are read, or come."""
+    """Check the method, the grid and the device before scans are read or received."""
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
     from sonarmap.tools.files.memory import require_program
@@ -215,8 +215,8 @@ def require_method(options: MethodOptions) -> None:
 
 
 def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bool = False) -> ConfiguredMethod:
-    """The method on the grid that the options ask for, or that suits the scans; on that of a `survey` if more scans may
-    be added to them later."""
+    """The method on the grid of the options, or else on one that suits the scans; if more scans may be added later, use
+    `survey`, which rounds the voxel."""
     from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.spectral.grid import choose_grid
     from sonarmap.spectral.hemisphere import HemisphereRegistrar
@@ -241,8 +241,8 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bo
 
 
 def _require_memory(device: "Device", edge: int) -> None:
-    """Refuse a grid that does not fit beside other programs, where the device has the machine's memory."""
-    if not device.is_cpu:  # its own memory has been looked at
+    """Refuse a grid whose pairs exceed the available memory, if the device uses the machine's memory."""
+    if not device.is_cpu:  # a GPU's own memory was checked before
         return
     from sonarmap.kernels.fft.edges import EDGES
     from sonarmap.spectral.memory import memory_plan

@@ -1,4 +1,4 @@
-"""The options --priors, --odometry and those that say how a file of navigation is to be understood."""
+"""The options --priors and --odometry, and those that describe the contents of navigation files."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -50,13 +50,13 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class PriorsFile:
-    """--priors and --prior-sigmas: what instruments measured of the scans' poses."""
+    """--priors and --prior-sigmas: measured poses of the scans."""
 
     priors: list[Path] = NAVIGATION.option(
         "FILE",
         "Measured poses: a CSV, TUM or NMEA 0183 log. CSV columns: name or stamp, then any of roll_deg, pitch_deg, "
         "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on. `sonarmap inspect --template` writes such a table. "
-        "Repeat it for files that measured something else, or other scans.",
+        "Repeat it for files with other quantities or scans.",
         [],
     )
     prior_sigmas: str | None = NAVIGATION.option(
@@ -67,18 +67,18 @@ class PriorsFile:
 
     @property
     def sigmas(self) -> dict[str, float] | None:
-        """What --prior-sigmas says, by the columns' names; None without it."""
+        """Standard deviations of --prior-sigmas by column; None without the option."""
         return parse_prior_sigmas(self.prior_sigmas) if self.prior_sigmas else None
 
     @property
     def named(self) -> str:
-        """The files, for a message."""
+        """Names of the files, for messages."""
         return " and ".join(map(str, self.priors))
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryFile:
-    """Dead reckoning."""
+    """Options of dead reckoning."""
 
     odometry: Path | None = NAVIGATION.option(
         "FILE",
@@ -93,7 +93,7 @@ class OdometryFile:
 
     @property
     def drift(self) -> tuple[float, float]:
-        """Its standard deviation: a share of the way, and a rate of turn."""
+        """Standard deviation of dead reckoning: a share of the distance, and a rotation per second [rad/s]."""
         from sonarmap.tools.files.readers.navigation.odometry import parse_drift
 
         return parse_drift(self.odometry_drift or DEFAULT_DRIFT)
@@ -117,7 +117,7 @@ _SETTINGS = "sonarmap.tools.files.readers.navigation.settings"
 
 @dataclass(frozen=True, slots=True)
 class NavigationReading:
-    """How the files of --priors and --odometry are to be understood."""
+    """Options that describe the contents of --priors and --odometry."""
 
     nav_columns: str | None = _rare(
         "A=B,...", "Names of the log's columns, as depth_m=KP_DEPTH,heading_deg=Gyro.", shown="by their names"
@@ -160,7 +160,7 @@ class NavigationReading:
     magnetic_declination: float | None = _rare("DEG", "Add DEG to the log's magnetic headings, East positive.")
 
     def settings(self, *files: Path | None, origin: "Georeference | None" = None) -> "NavigationSettings":
-        """The same as the readers take it, for the files given and the map's origin, None for the first fix."""
+        """The settings with which the readers read `files`; `origin` is the map's, None for the first fix."""
         from sonarmap.tools.files.readers.navigation.settings import (
             NavigationSettings,
             parse_columns,
@@ -168,8 +168,8 @@ class NavigationReading:
             parse_talkers,
         )
 
-        if (said := given(self)) and not any(files):
-            flag = f"--{next(iter(said)).replace('_', '-')}"
+        if (options := given(self)) and not any(files):
+            flag = f"--{next(iter(options)).replace('_', '-')}"
             raise InputError(f"{flag} has no effect without a file of navigation; give --priors too, or leave it out")
         frame = cast("NavFrame | None", self.nav_frame)  # NavigationSettings refuses other names
         return NavigationSettings(
@@ -207,19 +207,19 @@ def scans_with_priors(
     allow_unknown: bool = False,
     files: "Sequence[Path]" = (),
 ) -> "Navigated":
-    """The scans with the priors of the file; without a file as they are, with their recording's attitude if `use_imu`.
-    Notes say which of both counts, and that some scans have no prior. The file may have rows for other scans if
-    `allow_unknown`. A recording with an IMU among the scans' `files` says how far the navigation's clock is off."""
+    """The scans with the priors of the file, or without a file with the attitude of their recording's IMU if `use_imu`.
+    Messages say which of the two is used, and how many scans have no prior. `allow_unknown`: the file may have rows for
+    other scans. `files` are the scans' recordings, whose IMU --nav-offset auto compares with the log."""
     from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate
 
-    own = sum(scan.prior is not None for scan in scans)
+    with_imu = sum(scan.prior is not None for scan in scans)
     if not file.priors:
         refuse_without("--priors", {"--prior-sigmas": file.prior_sigmas})
         note = "roll and pitch are those of the recording's own IMU" if use_imu else "their own IMU is not used"
     else:
         note = f"the recording's own IMU is not used, as {file.named} is given"
-    if own:
-        say(f"{own:,} of {len(scans):,} scans: {note}")
+    if with_imu:
+        say(f"{with_imu:,} of {len(scans):,} scans: {note}")
     if file.priors or not use_imu:
         scans = [scan if scan.prior is None else replace(scan, prior=None) for scan in scans]
     if not file.priors:
@@ -241,14 +241,14 @@ def scans_with_priors(
 
 
 class ContradictedError(SonarmapError):
-    """Navigation that would spoil a map."""
+    """Raised for navigation that the scans contradict, as it would distort the map."""
 
 
 def refusing(
     scans: "Sequence[Scan]", file: object, georeference: "Georeference | None" = None
 ) -> "Callable[[Sequence[RegisteredPair]], None]":
-    """What a mapper calls with the pairs that it registered without the scans' priors; it raises ContradictedError
-    where these contradict the priors, of a file, and show why. The georeference is that of the priors' places."""
+    """A check that the mapper calls with pairs registered without the priors: it raises ContradictedError if they
+    contradict the priors in `file` for a known reason. `georeference` is that of the priors' positions."""
 
     def vet(free: "Sequence[RegisteredPair]") -> None:
         if (found := contradiction_of(scans, free, georeference)) is not None:
@@ -260,16 +260,16 @@ def refusing(
 def contradiction_of(
     scans: "Sequence[Scan]", free: "Sequence[RegisteredPair]", georeference: "Georeference | None" = None
 ) -> "Contradiction | None":
-    """What is wrong with the scans' priors, if pairs registered without them say so; None also where these are few."""
+    """The mistake in the scans' priors that pairs registered without them show; None for none or too few pairs."""
     import numpy as np
     from scipy.spatial.transform import RigidTransform
 
     from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS, Registered, contradiction
 
-    sure = [(*pair.scans, pair.registration) for pair in free if pair.registration is not None]
-    if len(sure) < LEAST_PAIRS:
+    pairs = [(*pair.scans, pair.registration) for pair in free if pair.registration is not None]
+    if len(pairs) < LEAST_PAIRS:
         return None
-    i, j, registrations = zip(*sure, strict=True)
+    i, j, registrations = zip(*pairs, strict=True)
     transforms = RigidTransform.concatenate([each.T_target_source for each in registrations])
     registered = Registered(np.array(i), np.array(j), transforms, np.array([each.covariance for each in registrations]))
     return contradiction([scan.prior for scan in scans], registered, _origin(georeference))
@@ -278,7 +278,7 @@ def contradiction_of(
 def with_mistake(
     result: "SurveyResult", scans: "Sequence[Scan]", file: object, georeference: "Georeference | None"
 ) -> "SurveyResult":
-    """A map with what would have the scans' priors, of a file, agree with it, where these err more than stated."""
+    """The result with the mistake in the priors in `file` that explains why they err more than their sigmas."""
     if not result.understated:
         return result
     from sonarmap.tools.files.readers.navigation.contradictions import contradiction_of_map

@@ -1,7 +1,6 @@
-"""Options: a `Panel` declares them, each as the default of a parameter, or of a field of a dataclass that several verbs
-take.
+"""Declarations of options: a `Panel` makes each, as the default of a parameter or of a dataclass's field.
 
-`spread` gives typer the fields in place of the dataclasses.
+Dataclasses hold options that several verbs share; `spread` replaces them by their fields, as typer needs it.
 """
 
 import functools
@@ -20,17 +19,17 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
 
 MOST_WORKERS = 1024  # more processes than any machine has use for
-MOST = 1_000_000  # of whatever is counted, so that every file and library can hold the number
+MOST = 1_000_000  # largest count that an option accepts; every file format and library can hold it
 
-# As --priors of `simulate` and --known of `reproduce` name them.
+# Names for --priors of `simulate` and --known of `reproduce`.
 INSTRUMENTS = ("attitude", "heading", "depth", "position")
 
-REQUIRED: Any = MISSING  # the default of an option that has to be given
-_OPTION = "option"  # in a field's metadata
+REQUIRED: Any = MISSING  # the default of a mandatory option
+_OPTION = "option"  # key in a field's metadata
 
 
 def _named(text: str) -> Path:
-    """An output's path; without a name, as of a variable that is empty, it would be the current folder."""
+    """Path of an output. An empty name, as from an unset variable, is refused: it would be the current folder."""
     if not str(text):
         raise typer.BadParameter("is empty; give a name, or . for the current folder")
     return Path(text)
@@ -38,46 +37,45 @@ def _named(text: str) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A panel of the help, and the options in it. `words` are an option's help, `names` those on the command line,
-    where they are not the parameter's; `rare` options are listed by --help-all alone. `more` are of typer.Option, as
-    min, max, `callback`, which returns the value or raises typer.BadParameter, and `autocompletion`, as `completes`
-    makes it."""
+    """A panel of the help, which declares options. `words` is an option's help, `names` are its names if they differ
+    from the parameter's; `rare` options are shown only by --help-all. `more` is passed to typer.Option: min, max,
+    `callback`, which returns the value or raises typer.BadParameter, and `autocompletion`, made by `completes`."""
 
     title: str
 
     def value(self, metavar: str, words: str, *names: str, rare: bool = False, **more: Any) -> Any:
-        """An option with a value, as `Annotated` takes it; `metavar` stands for the value."""
+        """An option with a value, for use in `Annotated`; the help shows `metavar` for the value."""
         if "--out" in names or metavar == "DIR":
             more["parser"] = _named
         return typer.Option(*names, metavar=metavar, help=words, rich_help_panel=self.title, hidden=rare, **more)
 
     def switch(self, names: str, words: str, rare: bool = False) -> Any:
-        """An option without a value, likewise; its names are as in "--quiet -q" or "--report/--no-report"."""
+        """An option without a value, for use in `Annotated`; `names` as in "--quiet -q" or "--report/--no-report"."""
         return typer.Option(*names.split(), help=words, rich_help_panel=self.title, hidden=rare)
 
     def option(
         self, metavar: str, words: str, default: Any = None, *names: str, shown: str | bool = True, **more: Any
     ) -> Any:
-        """A default that is an option with a value: None for none, REQUIRED where it has to be given; `shown` is the
-        default in words where it is not the value."""
+        """A default that declares an option with a value; REQUIRED makes the option mandatory. `shown` is the
+        default in words, for the help, if that is not the value."""
         metadata = {_OPTION: self.value(metavar, words, *names, show_default=shown, **more)}
         if isinstance(default, list):
             return field(default_factory=lambda: list[Any](default), metadata=metadata)
         return field(default=default, metadata=metadata)
 
     def flag(self, names: str, words: str, default: bool = False, rare: bool = False) -> Any:
-        """A default that is an option without a value."""
+        """A default that declares an option without a value."""
         return field(default=default, metadata={_OPTION: self.switch(names, words, rare)})
 
     def length(self, words: str, without: str, *, shown: str | bool | None = None, **more: Any) -> Any:
-        """A default that is an option with a length above 0 [m]; `without` is what counts where it is not given, which
-        the help shows, unless `shown` says otherwise."""
+        """A default that declares an option with a length above 0 [m]. The help shows `without`, the length used if the
+        option is left out, or `shown`."""
         wanted = "{} m; give a length above 0, or leave it out" + (f" for {without}" if without else "")
         shown = without if shown is None else shown
         return self.option("M", words, callback=checked(is_positive, wanted), shown=shown, **more)
 
     def choice(self, words: str, names: Iterable[str], metavar: str = "NAME", **more: Any) -> Any:
-        """A default that is an option with one of several names, the first of them where it is not given."""
+        """A default that declares an option with one of several names, by default the first."""
         names = tuple(names)
         wanted = f"{{!r}}; choose one of {', '.join(names)}, or leave it out for {names[0]}"
         check = checked(names.__contains__, wanted)
@@ -99,17 +97,17 @@ RUNNING = Panel("Running")
 
 
 def completes(names: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """A completion for an option that takes one of the names; a function gives those that are slow to load."""
+    """Shell completion of an option that takes one of the names; names that are slow to load come from a function."""
     return lambda incomplete: [name for name in (names() if callable(names) else names) if name.startswith(incomplete)]
 
 
 def listed_in(module: str, *tables: str) -> Callable[[], Iterable[str]]:
-    """The names in tables of a module that is slow to load: loaded when a shell asks, as the help can do without."""
+    """A function that returns the names in a module's tables; only then it imports the module, which is slow."""
     return lambda: [name for table in tables for name in getattr(import_module(module), table)]
 
 
 def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """A completion for an option that takes several of the names, separated by commas."""
+    """Shell completion of an option that takes several of the names, separated by commas."""
 
     def complete(incomplete: str) -> list[str]:
         before, comma, last = incomplete.rpartition(",")
@@ -120,11 +118,11 @@ def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def given(options: Any) -> dict[str, Any]:
-    """The options of a dataclass, or of a mapping, that were given, by their names and as a summary holds them: of a
-    list with one entry that."""
+    """The options that were given, by name, with values for summary.json: paths as text, a list of one value as the
+    value."""
     is_mapping = isinstance(options, Mapping)
     values = options if is_mapping else {each.name: getattr(options, each.name) for each in fields(options)}
-    return {name: _held(it) for name, it in values.items() if it is not None and it != []}
+    return {name: _held(value) for name, value in values.items() if value is not None and value != []}
 
 
 def _held(value: Any) -> Any:
@@ -135,14 +133,14 @@ def _held(value: Any) -> Any:
 
 
 def refuse_without(needed: str, options: Mapping[str, Any]) -> None:
-    """Refuse options that were given, by their names with dashes, where the one that they need was not."""
+    """Refuse `options` that were given, by their names with dashes; they need the option `needed`, which was not."""
     for name, value in options.items():
         if value is not None:
             raise InputError(f"{name} has no effect without {needed}; give it too, or leave it out")
 
 
 def spread(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command as typer takes it: with the options of its dataclasses in their place."""
+    """The command as typer takes it: each dataclass of options is replaced by its fields."""
     signature = inspect.signature(command, eval_str=True)
     kinds: dict[str, Any] = {
         name: each.annotation for name, each in signature.parameters.items() if is_dataclass(each.annotation)
@@ -189,8 +187,7 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 
 def checked(fits: Callable[[Any], bool], wanted: str) -> Callable[[Any], Any]:
-    """A check of an option: None passes, and so does a value that `fits`; of another one `wanted` is said, {} standing
-    for it."""
+    """A callback that accepts None and values that pass `fits`; `wanted` is its message, with {} for the value."""
 
     def check(value: Any) -> Any:
         if value is None or fits(value):
@@ -201,7 +198,7 @@ def checked(fits: Callable[[Any], bool], wanted: str) -> Callable[[Any], Any]:
 
 
 def refused_by(parse: Callable[[Any], object]) -> Callable[[Any], Any]:
-    """A check of an option: what `parse` takes, or None; what it says of a value that it does not take is shown."""
+    """A callback that accepts None and values that `parse` accepts; its message is that of the InputError."""
 
     def check(value: Any) -> Any:
         try:
@@ -220,14 +217,14 @@ def is_positive(number: float) -> bool:
 
 
 def _devices(incomplete: str) -> list[tuple[str, str]]:
-    """What a shell completes: kinds, and the devices of this machine with their names."""
+    """Shell completions: kinds of device, and the devices of this machine, each with a description."""
     from sonarmap.kernels.device.device import device_names
     from sonarmap.kernels.errors import DeviceError
 
-    known = [("cpu", "the processor"), ("gpu", "a graphics card")]
+    selectors = [("cpu", "the processor"), ("gpu", "a graphics card")]
     with suppress(DeviceError):
-        known += device_names()
-    return [(selector, name) for selector, name in known if selector.startswith(incomplete)]
+        selectors += device_names()
+    return [(selector, name) for selector, name in selectors if selector.startswith(incomplete)]
 
 
 DeviceOption = Annotated[

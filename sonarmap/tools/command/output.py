@@ -1,4 +1,4 @@
-"""What a map is written as: options of `map` beside the map itself, and of `export`; where it lies on the Earth."""
+"""Options for a map's folder, export formats and place on the Earth; opening and exporting of maps."""
 
 import math
 import re
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from sonarmap.tools.products.export.run import Exported, ExportSettings
 
 _KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
-CELL = "two voxels, rounded up"  # to 1, 2 or 5 times a power of ten: where --cell is not given
+CELL = "two voxels, rounded up"  # to 1, 2 or 5 times a power of ten: the default of --cell
 
 
 def _check_formats(values: list[str] | None) -> list[str] | None:
-    """The names, each once, commas taken apart."""
+    """Format names, split at commas, without duplicates."""
     try:
         return known_formats(name for value in values or () for name in value.split(","))
     except InputError as error:
@@ -45,7 +45,7 @@ FormatsOption = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapOutput:
-    """The folder, and what else is written to it."""
+    """Options of a map's folder, its report and its exports."""
 
     out: Path = OUTPUT.option("OUT", "Folder for the results.", REQUIRED, "-o", "--out")
     report: bool = OUTPUT.flag(
@@ -56,8 +56,8 @@ class MapOutput:
     def export_settings(
         self, crs: str | None, georeference: "Georeference | None", stamps: "Sequence[float]", later: bool = False
     ) -> "ExportSettings":
-        """What --export and --crs ask for, refused now where it could not be done when the map is there;
-        `later`: the navigation, which is not read yet, may tell where the map lies."""
+        """Settings of --export and --crs. Exports that would fail once the map is made are refused now; `later`: the
+        navigation, which is not read yet, may give the map's place on the Earth."""
         from sonarmap.tools.products.export.run import ExportSettings, check_files, check_settings
 
         formats = self.export
@@ -70,7 +70,7 @@ class MapOutput:
 
 
 def export_with_progress(folder: "Map", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
-    """Export a map, and say what the user should know about it."""
+    """Export a map, and print the notes about it."""
     from sonarmap.tools.products.export.run import export_map
 
     with growing_progress("exporting", quiet) as step:
@@ -82,12 +82,12 @@ def export_with_progress(folder: "Map", to: Path, settings: "ExportSettings", qu
 
 @dataclass(frozen=True, slots=True)
 class EarthPlace:
-    """Where the map's origin is, and the coordinates of exported files."""
+    """Options of the map's origin and of the coordinates of exported files."""
 
     origin: str | None = EARTH.option(
         "LAT,LON[,HEIGHT]",
         "The map's origin: WGS84 \\[deg], or EPSG:CODE:E,N[,HEIGHT]. Heights are above the vertical reference \\[m].",
-        shown="as the map says",
+        shown="the map's own",
     )
     origin_heading: float | None = EARTH.option(
         "DEG", "True heading of the x axis of a map without a heading of its own.", rare=True, shown="90, East"
@@ -107,21 +107,21 @@ class EarthPlace:
     )
 
     def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
-        """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it. None
-        without an origin."""
+        """The map's place by --origin, --origin-heading and --vertical; the rest is taken from `known`. None without an
+        origin."""
         from sonarmap.tools.files.geo import DEFAULT_VERTICAL, EAST, Georeference
 
         if self.origin is None and known is None:
             refuse_without("--origin", {"--origin-heading": self.origin_heading, "--vertical": self.vertical})
             return None
         if known is None or self.origin is not None:
-            unsaid = (DEFAULT_VERTICAL, EAST) if known is None else (known.vertical, known.heading)
-            known = Georeference(*_place_of(self.origin or ""), *unsaid)
+            defaults = (DEFAULT_VERTICAL, EAST) if known is None else (known.vertical, known.heading)
+            known = Georeference(*_place_of(self.origin or ""), *defaults)
         heading = known.heading if self.origin_heading is None else self.origin_heading
         return replace(known, vertical=self.vertical or known.vertical, heading=heading)
 
     def projection(self, known: "Georeference | None") -> "Projection | None":
-        """The coordinates that --crs names, at this place. None where no place is known."""
+        """The projection to --crs at the map's place; None if the place is not known."""
         from sonarmap.tools.files.geo import Projection
 
         if known is not None:
@@ -134,7 +134,7 @@ class EarthPlace:
 
 
 def _place_of(origin: str) -> tuple[float, float, float]:
-    """Latitude, longitude [deg] and height [m] of --origin, 0 where it is left out."""
+    """Latitude, longitude [deg] and height [m] of --origin; without a height it is 0."""
     from sonarmap.tools.files.geo import on_the_earth
     from sonarmap.tools.files.readers.csv_table import number, place_of
 
@@ -156,11 +156,11 @@ def _place_of(origin: str) -> tuple[float, float, float]:
     return latitude, longitude, height
 
 
-SAME_FRAME = "Both are in one frame, by their places on the Earth or else as they are; register nothing."
+SAME_FRAME = "Do not register: both maps have one frame, on the Earth if placed there, else their own."
 
 
 def open_map(path: Path, earth: EarthPlace | None = None) -> "Map":
-    """The map; of several parts the largest counts."""
+    """Read a map; of several parts the largest is used, and a message says so."""
     from sonarmap.tools.files.map_folder.folder import read_map_folder
 
     with locked(path, writing=False):

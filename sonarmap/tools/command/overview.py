@@ -1,4 +1,4 @@
-"""Overviews of scans, read one by one, and of logs of navigation, in words and as JSON."""
+"""Overviews of scan files and of navigation logs, printed and as JSON."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -32,38 +32,38 @@ from sonarmap.tools.files.readers.scans import (
 from sonarmap.tools.files.readers.selection import select_files
 from sonarmap.tools.files.time_scales import Clock, clock_of, utc
 
-_MOST_NOTES = 20  # of single scans
-_MOST_LINES = 6  # of pings, on a screen
+_MOST_NOTES = 20  # about single scans
+_MOST_LINES = 6  # of pings, that are printed
 Place = tuple[float, float, float]  # latitude, longitude [deg], height [m]
 
 
 @dataclass(slots=True)
 class Overview:
-    """What files of scans hold: some numbers of every scan so far, and at the end of all."""
+    """Statistics of scan files, collected from one scan at a time."""
 
     files: tuple[Path, ...]  # in natural order
     kinds: tuple[str, ...]  # what the files are, in words, each kind once
     edge: int  # voxels along each edge of the grid
-    names: list[str] = field(default_factory=list[str])  # of all scans, as a file of priors and `map` call them
-    stamps: list[float] = field(default_factory=list[float])  # of these [s]; numbers where not all of them have a time
+    names: list[str] = field(default_factory=list[str])  # of all scans, as in priors and in `map`
+    stamps: list[float] = field(default_factory=list[float])  # of the scans [s]; 0, 1, 2, ... if some have no time
     unread: list[str] = field(default_factory=list[str])  # why files or scans could not be read, in words
     counts: list[int] = field(default_factory=list[int])  # points of each scan
     extents: list[np.ndarray] = field(default_factory=list[np.ndarray])  # (3,) along x, y, z, without stray echoes [m]
     farthest: float = 0.0  # distance of the farthest point from its frame's origin [m]
-    # with_strength, with_viewpoints: how many scans have echo strengths, and viewpoints
+    # with_strength, with_viewpoints: numbers of scans with echo strengths and with viewpoints
     with_strength: int = 0
     with_viewpoints: int = 0
-    # of scans with an IMU in the recording, roll and pitch [deg], starboard down and nose up positive
+    # roll and pitch [deg] of scans whose recording has an IMU; starboard down and nose up are positive
     attitudes: list[np.ndarray] = field(default_factory=list[np.ndarray])
     speeds: list[float] = field(default_factory=list[float])  # of sound, as recorded [m/s]
-    clock: Clock | None = None  # of the scans' stamps; None where not all of them have a time
+    clock: Clock | None = None  # of the scans' stamps; None if some scans have no time
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
-    lines: list[LineOverview] = field(default_factory=list[LineOverview])  # of pings, of which scans are patches
-    # files of lines that are near enough to each other for a map, with the places of their patches
+    lines: list[LineOverview] = field(default_factory=list[LineOverview])  # lines of pings, whose patches are the scans
+    # by file, positions of the patches of lines that are near enough to each other for one map
     sites: list[dict[Path, list[Place]]] = field(default_factory=list[dict[Path, list[Place]]])
 
     def add(self, entry: ScanEntry) -> None:
-        """Count in a scan; nothing of it is kept."""
+        """Add a scan to the statistics; the scan itself is not kept."""
         scan = entry.scan
         if scan is None:
             self.unread.append(entry.reason)
@@ -84,7 +84,7 @@ class Overview:
             self.speeds.append(entry.sound_speed)
 
     def _locate(self, path: Path, place: Place) -> None:
-        """Count in a patch at the first site that it is near to, or at a new one."""
+        """Add a patch to the first site near it, or to a new site."""
         for site in self.sites:
             latitude, longitude, _ = next(iter(site.values()))[0]
             with suppress(InputError):
@@ -95,19 +95,19 @@ class Overview:
 
     @property
     def one_map(self) -> tuple[int, list[Path]]:
-        """How many scans one map can be made of, and the files of their lines where that is not all of them."""
+        """Number of scans that one map can hold, and the files of their lines; no files if all scans fit."""
         if len(self.sites) < 2:
             return len(self.names), []
         return max((sum(map(len, site.values())), list(site)) for site in self.sites)
 
     @property
     def size(self) -> int:
-        """Of all files [bytes]."""
+        """Size of all files [bytes]."""
         return sum(path.stat().st_size for path in self.files)
 
     @property
     def changed(self) -> float:
-        """When the last file was changed [s, UTC]."""
+        """Time at which the last file was changed [s, UTC]."""
         return self.files[-1].stat().st_mtime
 
     @property
@@ -122,7 +122,7 @@ class Overview:
 
     @property
     def grid(self) -> Grid | None:
-        """That `map` would choose; None where all points of each scan are in one place."""
+        """The grid that `map` would choose; None if no scan has an extent."""
         try:
             return grid_of_extents([float(extent.max()) for extent in self.extents], self.edge)
         except InputError:
@@ -135,28 +135,28 @@ def overview_of(
     edge: int = 128,
     progress: Progress | None = None,
 ) -> Overview:
-    """What is in the files, folders and patterns, as `read_survey` takes them; a scan at a time is in memory.
+    """Overview of the scans in files, folders and patterns, as for `read_survey`; one scan at a time is in memory.
 
-    The grid has so many voxels along each edge; `progress` is called with (files read, files in all, words). Raises
-    InputError: a path that does not exist, or not one scan that can be read.
+    edge: voxels along each edge of the grid. progress is called with (files read, files in all, words). Raises
+    InputError: a path does not exist, or no scan can be read.
     """
     selection = select_files(paths, FORMATS)
-    known = (format_of(each.path) for each in selection.files)
-    kinds = tuple(dict.fromkeys(each.kind for each in known if each is not None))
+    formats = (format_of(each.path) for each in selection.files)
+    kinds = tuple(dict.fromkeys(each.kind for each in formats if each is not None))
     overview, file_notes = Overview(files_of(selection), kinds, edge), list[str]()
-    own, are_clouds, are_scans = list[float | None](), list[bool](), list[bool]()
+    times, are_clouds, are_scans = list[float | None](), list[bool](), list[bool]()
     of_lines: list[Path] = []
     for entry in read_entries(selection, file_notes, progress, corrections):
         overview.add(entry)
         of_lines += [entry.path] * (entry.patch is not None)
-        own.append(entry.stamp)
+        times.append(entry.stamp)
         are_clouds.append(entry.is_cloud)
         are_scans.append(entry.scan is not None)
     if not overview.names:
         raise InputError(overview.unread[0])
-    stamps, stamp_notes = stamps_of(own, are_clouds)
+    stamps, stamp_notes = stamps_of(times, are_clouds)
     overview.stamps += np.array(stamps)[are_scans].tolist()
-    if all(stamp is not None for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud):
+    if all(time is not None for time, is_cloud in zip(times, are_clouds, strict=True) if is_cloud):
         overview.clock = clock_of(np.array(overview.stamps))
     if (more := len(overview.notes) - _MOST_NOTES) > 0:
         overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
@@ -168,7 +168,7 @@ def overview_of(
 
 
 def overview_json(overview: Overview, following: str | None, names: bool) -> dict[str, Any]:
-    """All of it as JSON; null for what is not known."""
+    """The overview as JSON; null for unknown values."""
     clock, grid = overview.clock, overview.grid
     return {
         "files": overview.files,
@@ -232,7 +232,7 @@ def _times(overview: Overview) -> dict[str, str]:
 
 
 def _lines(overview: Overview) -> dict[str, str]:
-    """Of lines of pings, a few rows each of the first."""
+    """A row about each of the first lines of pings."""
     rows: dict[str, str] = {}
     for number, line in enumerate(overview.lines[:_MOST_LINES], 1):
         roll, pitch, heading = (f"{mean:.1f} ± {swing:.1f}" for mean, swing in (line.roll, line.pitch, line.heading))
@@ -270,7 +270,6 @@ def _attitude(overview: Overview) -> str:
 
 
 def _clock_json(clock: Clock) -> dict[str, Any]:
-    """A clock as JSON has it."""
     return {
         "start": clock.start,
         "end": clock.end,
@@ -285,7 +284,7 @@ def _clock_json(clock: Clock) -> dict[str, Any]:
 
 
 def _span_words(clock: Clock) -> str:
-    """From when to when."""
+    """Start, end and duration."""
     lasts = f"{clock.end - clock.start:,.1f} s"
     if clock.is_set:
         return f"{utc(clock.start)} to {utc(clock.end)} UTC, {lasts}"
@@ -293,7 +292,7 @@ def _span_words(clock: Clock) -> str:
 
 
 def _rate_words(clock: Clock, what: str) -> str:
-    """How many a second, and where there are none; `what` they are, as "scans"."""
+    """Rate and gaps of the stamps; `what` names their owners, as "scans"."""
     if clock.rate is None:
         return "not known: the stamps stand still, or do not ascend"
     gaps = "no gaps" if not clock.gaps else f"gaps: {clock.gaps:,}, the longest {clock.longest:.3g} s"
@@ -306,7 +305,7 @@ _LISTED = 10  # lines of a log; --json has all
 
 
 def log_json(found: LogOverview, following: str) -> dict[str, Any]:
-    """All that is known of a log; null for what is not."""
+    """The overview of a log as JSON; null for unknown values."""
     track, place = found.track, found.log.georeference
     return {
         "log": str(found.path),
@@ -314,8 +313,8 @@ def log_json(found: LogOverview, following: str) -> dict[str, Any]:
         "rows": len(found.log.lines),
         "clock": found.clock and _clock_json(found.clock),
         "columns": {
-            name: dict(zip(("rows", "least", "median", "most"), told, strict=True))
-            for name, told in found.ranges.items()
+            name: dict(zip(("rows", "least", "median", "most"), numbers, strict=True))
+            for name, numbers in found.ranges.items()
         },
         "origin_deg": place and [place.latitude, place.longitude],
         "track_m": track and track[0],
@@ -328,7 +327,7 @@ def log_json(found: LogOverview, following: str) -> dict[str, Any]:
 
 
 def print_log(found: LogOverview, following: str) -> None:
-    """The same on a screen."""
+    """Print the overview of a log."""
     rows = {
         "log": f"{found.path.name}, {found.path.stat().st_size / 1e6:,.1f} MB, {counted(len(found.log.lines), 'row')}",
         **_log_times(found.clock),
@@ -341,10 +340,10 @@ def print_log(found: LogOverview, following: str) -> None:
         rows["origin"] = f"{place.latitude:.5f}, {place.longitude:.5f}: x and y count from there"
     if found.track is not None:
         way, median, most = found.track
-        rows["track"] = f"{way:,.1f} m, at {median:.2f} m/s in the median, {most:.2f} at most (noise counts)"
+        rows["track"] = f"{way:,.1f} m, at {median:.2f} m/s in the median, {most:.2f} at most (noise included)"
     if found.scans:
         covered = ", ".join(f"{name.rsplit('_', 1)[0]} {count:,}" for name, count in found.covered.items())
-        rows["scans"] = f"of {found.scans:,}: {covered or 'it says nothing'}"
+        rows["scans"] = f"of {found.scans:,}: {covered or 'none has a value'}"
     rows["left out"] = counted(len(found.faults), "row") if found.faults else "no row"
     print_rows(rows)
     for fault in found.faults[:_LISTED]:

@@ -1,4 +1,4 @@
-"""The `sonarmap` command, from its first line on: its libraries are loaded here, and a broken one is named."""
+"""Start of the `sonarmap` command: load its libraries, and report one that is missing or broken."""
 
 import os
 import signal
@@ -8,7 +8,7 @@ _INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 
 
 def start() -> None:
-    """Run the command line. Ctrl-C ends it without a word until it can say what became of its work."""
+    """Run the command line. While its libraries are loaded, Ctrl-C ends it without a message."""
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
@@ -26,7 +26,7 @@ def _leave(number: int, frame: object) -> None:
 
 
 def _without_a_library(error: Exception) -> int:
-    """The exit code where a library of the command line itself is missing or broken: `doctor` can do without."""
+    """Report a missing or broken library and return the exit code; `doctor` runs without the library."""
     if sys.argv[1:2] == ["doctor"]:
         from sonarmap.tools.command.doctor import run_from
 

@@ -1,5 +1,5 @@
-"""Options of a survey: which scans are read, how their points are to be understood, how a map is made of them, and
-where their pairs are registered; and how that ends when it is stopped."""
+"""Options of a survey: its scans, the format of their points, loops, ties and control points, and the processes that
+register pairs; lines of pings: their navigation, patch test and output."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -55,14 +55,14 @@ if TYPE_CHECKING:
 _limit = partial(
     LOOPS.option,
     rare=True,
-    callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
+    callback=checked(is_positive, "{}; give a number above 0, or leave it out if it is not known"),
     shown="learned",
 )
 
 
 @dataclass(frozen=True, slots=True)
 class SurveyOptions:
-    """Loops, how fast the vehicle is, and the map's voxels."""
+    """Options of loops, of the vehicle's speed and of the map's voxels."""
 
     loops: int | None = LOOPS.option(
         "N",
@@ -78,14 +78,14 @@ class SurveyOptions:
         "DEG/S", "How fast it turns at most \\[deg/s]; for scans whose stamps are times."
     )
     map_voxel: float | None = OUTPUT.length(
-        "Edge of the map's voxels \\[m], finer or coarser than those that scans are registered by.",
+        "Edge of the map's voxels \\[m], finer or coarser than those of registration.",
         "--voxel",
         rare=True,
     )
 
     def mapper_settings(self, method: MethodOptions) -> "tuple[MapperSettings, MethodOptions]":
-        """The same as the mapper takes it, with what --set says of the mapper, and the options of the method without
-        that."""
+        """The mapper's settings, --set included, and the options of the method without the fields of --set that are the
+        mapper's."""
         from sonarmap.slam.candidates.settings import LoopSettings
         from sonarmap.slam.mapper import MapperSettings
         from sonarmap.slam.motion.limits import MotionLimits
@@ -95,15 +95,15 @@ class SurveyOptions:
             MotionLimits(self.max_speed or math.inf, math.radians(self.max_turn_rate or math.inf)),
             map_voxel=self.map_voxel,
         )
-        known = {each.name for each in fields(MapperSettings)}
-        own = [text for text in method.settings if text.partition("=")[0].partition(".")[0].strip() in known]
-        others = [text for text in method.settings if text not in own]
-        return changed(settings, own), replace(method, settings=others)
+        names = {each.name for each in fields(MapperSettings)}
+        of_mapper = [text for text in method.settings if text.partition("=")[0].partition(".")[0].strip() in names]
+        others = [text for text in method.settings if text not in of_mapper]
+        return changed(settings, of_mapper), replace(method, settings=others)
 
 
 @dataclass(frozen=True, slots=True)
 class TiesAndControl:
-    """Pairs and points with a person's verdict or coordinates."""
+    """Options of manual ties and of control points."""
 
     ties: Path | None = LOOPS.option(
         "FILE", "CSV with pairs of scans to accept, reject or add: target, source, verdict (docs/ties.md)."
@@ -116,7 +116,7 @@ class TiesAndControl:
     control_crs: str | None = EARTH.option("CRS", "CRS of the control file's coordinates, e.g. EPSG:25832.", rare=True)
 
     def read_ties(self, scans: "Sequence[Scan]") -> "tuple[Tie, ...]":
-        """What --ties says of pairs of the scans; none without it."""
+        """The ties of --ties; none without it."""
         from sonarmap.tools.files.readers.constraints import read_ties
 
         return () if self.ties is None else read_ties(self.ties, scans)
@@ -124,7 +124,7 @@ class TiesAndControl:
     def read_control(
         self, scans: "Sequence[Scan]", georeference: "Georeference | None"
     ) -> "tuple[tuple[ControlPoint, ...], Georeference | None]":
-        """The points of --control, and where the map lies on the Earth then; by now it lies at `georeference`."""
+        """The points of --control, and the map's place on the Earth, which they may give; until now `georeference`."""
         from sonarmap.tools.files.readers.constraints import read_control
 
         if self.control is None:
@@ -149,7 +149,7 @@ _CORRECTIONS = "sonarmap.tools.files.readers.scans"
 
 @dataclass(frozen=True, slots=True)
 class PointReading:
-    """How the points of files are to be understood."""
+    """Options that describe the points in files."""
 
     sound_speed: float | None = INPUT.option(
         "M/S", "Correct speed of sound \\[m/s], for .sonar files: ranges are scaled from the recorded one."
@@ -183,7 +183,7 @@ class PointReading:
     )
 
     def corrections(self) -> "Corrections":
-        """What is done to the points of files when they are read."""
+        """Corrections of points when files are read."""
         from sonarmap.tools.files.readers.pings.line_file import LineReading
         from sonarmap.tools.files.readers.scans import Corrections, PointFrame
 
@@ -192,13 +192,13 @@ class PointReading:
         return Corrections(self.sound_speed, scale, frame, LineReading(self.patch, draught=self.draught or 0.0))
 
 
-# Beside the journal: whoever holds the folder's lock may delete what a killed run left.
+# Beside the journal: the next run, which locks the folder, may delete what a killed run left.
 SPOOL = f"{LEFTOVER_PREFIX}scans."
 
 
 @dataclass(frozen=True, slots=True)
 class ExecutionOptions:
-    """Where pairs are registered: in this process, or in several."""
+    """Options of the processes that register pairs, and of their journal."""
 
     workers: int | None = RUNNING.option(
         "N", "Processes that register pairs; the results are the same.", shown="1", min=1, max=MOST_WORKERS
@@ -207,7 +207,7 @@ class ExecutionOptions:
 
     @property
     def processes(self) -> int:
-        """How many register pairs; 1 is this one."""
+        """Number of processes that register pairs; 1 is this process alone."""
         return self.workers or 1
 
 
@@ -215,8 +215,8 @@ class ExecutionOptions:
 def open_execution(
     method: ConfiguredMethod, prepared: int, options: ExecutionOptions, journal: Path, quiet: bool
 ) -> Iterator["Execution"]:
-    """Workers, where the options have them, and a journal, for as long as the block lasts. A worker keeps as many scans
-    prepared as `prepared` says. If not `quiet`, it is said how many pairs the journal held."""
+    """Open the journal and start the workers of the options for the block. Each worker keeps up to `prepared` prepared
+    scans. Unless `quiet`, print how many pairs came from the journal."""
     from sonarmap.slam.execute.journal import Journal
     from sonarmap.slam.execute.runner import Execution
     from sonarmap.tools.methods.fingerprint import method_key
@@ -228,7 +228,7 @@ def open_execution(
     ):
         held = opened.count()
         execution = Execution(worker, executor, opened, key)
-        with when_stopped(lambda: _what_is_kept(len(execution.timings.pairs), journal, options.fresh)):
+        with when_stopped(lambda: _kept(len(execution.timings.pairs), journal, options.fresh)):
             yield execution
         from_journal, tried = execution.timings.from_journal, len(execution.timings.pairs)
         damaged = opened.damaged
@@ -240,7 +240,7 @@ def open_execution(
         say(f"{journal} holds {held} results of other scans, settings or code; none could be used")
 
 
-def _what_is_kept(pairs: int, journal: Path, fresh: bool) -> str:
+def _kept(pairs: int, journal: Path, fresh: bool) -> str:
     if not pairs:
         return "no pair was done yet, and nothing was written"
     done = "1 pair is done" if pairs == 1 else f"{pairs} pairs are done"
@@ -265,7 +265,7 @@ def _workers(
 
 
 def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: bool) -> "Corrections":
-    """The corrections with what the patch test of the inputs' lines shows."""
+    """The corrections, with the biases that a patch test of the inputs' lines estimates."""
     from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.tools.files.readers.pings.line_file import FORMATS, read_line
     from sonarmap.tools.files.readers.selection import select_files
@@ -283,12 +283,12 @@ def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: boo
         test = estimate_biases([line.placed(here) for line in lines])
     say(f"patch test: {test_words(test)}; the estimated biases are corrected")
     if not test.observable:
-        raise InputError("--patch-test: where the lines overlap no bias shows; leave it out, or add lines")
+        raise InputError("--patch-test: the overlaps of the lines show no bias; leave it out, or add lines")
     return replace(corrections, lines=replace(corrections.lines, biases=test.usable))
 
 
 def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSettings") -> "Navigated":
-    """The scans with the navigation of their lines."""
+    """The scans with priors from the navigation of their lines."""
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.pings.line_file import placed
 
@@ -307,7 +307,7 @@ def give_back(
     crs: str | None,
     quiet: bool,
 ) -> None:
-    """Write what the map says of its lines: navigation, soundings, how well lines agree, and the patch test."""
+    """Write the lines as the map corrects them: navigation, soundings, their agreement, and a patch test."""
     from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.slam.pings.crossings import crossings
     from sonarmap.tools.files.map_folder.names import OF_LINES
@@ -319,7 +319,7 @@ def give_back(
             return
         before, after = crossings([line.before for line in lines]), crossings([line.after for line in lines])
         test = None
-        with suppress(InputError):  # one line, or lines that hardly overlap
+        with suppress(InputError):  # raised for one line, or lines that hardly overlap
             test = estimate_biases([line.before for line in lines])
         write_lines(mapped.out, lines, georeference, crs, (before, after), test)
     mapped.made_of_it.extend(OF_LINES)
@@ -329,7 +329,7 @@ def give_back(
 def _rows(
     lines: "Sequence[MovedLine]", before: "Crossings", after: "Crossings", test: "PatchTest | None"
 ) -> list[tuple[str, str]]:
-    """What `map` says of its lines at its end."""
+    """Rows about the lines in the summary of `map`."""
     import numpy as np
 
     far = np.concatenate([np.linalg.norm(line.shifts, axis=1) for line in lines])
@@ -342,18 +342,18 @@ def _rows(
         agreed = f"{after.all.p95:.2g} m ({before.all.p95:.2g} m as recorded)"
         rows.append(("overlaps", f"95 % of {before.cells:,} cells agree within {agreed}, means of soundings"))
     if test is not None:
-        rows.append(("biases", f"{test_words(test)}; --patch-test takes them out"))
+        rows.append(("biases", f"{test_words(test)}; --patch-test corrects them"))
     return rows
 
 
 def test_words(test: "PatchTest") -> str:
-    """What a patch test says of each bias."""
+    """The biases of a patch test with standard deviations."""
     from sonarmap.slam.pings.biases import NAMES
 
     values, sigmas = test.biases.to_json(), test.deviations.to_json()
     words: list[str] = []
     for name, key in zip(NAMES, values, strict=True):
         unit = "s" if key.endswith("_s") else "degrees"
-        said = f"{values[key]:+.2f} ± {sigmas[key]:.2f} {unit}"
-        words.append(f"{name} {said}" if name in test.observable else f"{name} does not show")
+        value = f"{values[key]:+.2f} ± {sigmas[key]:.2f} {unit}"
+        words.append(f"{name} {value}" if name in test.observable else f"{name} is not observable")
     return ", ".join(words)

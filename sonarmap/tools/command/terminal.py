@@ -21,17 +21,17 @@ from rich.text import Text
 if TYPE_CHECKING:
     from rich.table import Table
 
-_WIDTH_OF_FILES = 200  # a table in a file need not be folded
+_WIDTH_OF_FILES = 200  # columns of tables where stdout is not a terminal
 _LONGEST = 3000  # characters of a message
-_bars: list[Console] = []  # the consoles on stderr that show one: what is said stands above it
-_quiet: list[bool] = []  # of this program, whatever thread speaks; the last counts
+_bars: list[Console] = []  # consoles on stderr with a progress bar; messages appear above it
+_quiet: list[bool] = []  # for all threads of this program; the last counts
 
 
 class PipedConsole(Console):
-    """A console whose reader may leave."""
+    """A console that raises BrokenPipeError if its pipe is closed."""
 
     def on_broken_pipe(self) -> None:
-        """Leave it to the entry point, which knows the exit code."""
+        """Raise the error for the entry point, which returns the exit code."""
         raise BrokenPipeError
 
 
@@ -42,7 +42,7 @@ def error_console() -> Console:
 
 @contextmanager
 def below_messages(console: Console) -> Iterator[None]:
-    """Within the block, `console` shows a bar at the bottom of the screen."""
+    """Within the block, messages are printed above the progress bar of `console`."""
     _bars.append(console)
     try:
         yield
@@ -56,7 +56,7 @@ def result_console() -> Console:
 
 
 def result_width() -> int | None:
-    """Columns of stdout; None for those of the terminal."""
+    """Columns of stdout; None if it is a terminal."""
     return None if sys.stdout.isatty() else _WIDTH_OF_FILES
 
 
@@ -66,14 +66,14 @@ def print_result(sentence: str) -> None:
 
 
 def print_json(value: Any, indent: int | None = None) -> None:
-    """Print a value that `to_json` takes on stdout; what is not a finite number is null."""
+    """Print a value that `to_json` accepts on stdout; NaN and infinity become null."""
     from sonarmap.tools.files.writers.tables import to_json
 
     typer.echo(json.dumps(to_json(value), indent=indent, allow_nan=False))
 
 
 def print_rows(rows: Mapping[str, str]) -> None:
-    """Print names on the left, and what is to be said of each beside it, on as many lines as it takes."""
+    """Print names on the left and their texts beside them, which may take several lines."""
     from rich.padding import Padding
     from rich.table import Table
 
@@ -85,7 +85,7 @@ def print_rows(rows: Mapping[str, str]) -> None:
 
 
 def number_table(*names: str, words: int = 0) -> "Table":
-    """A table of numbers, of which none is cut; the first columns, as many as `words`, hold text."""
+    """A table whose numbers are never cut; the first `words` columns hold text."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
@@ -97,8 +97,8 @@ def number_table(*names: str, words: int = 0) -> "Table":
 
 @contextmanager
 def quietly(quiet: bool, results: bool) -> Iterator[None]:
-    """Within the block, if `quiet`, only labeled messages are said, warnings and errors, and of what is printed on
-    stdout nothing but wanted `results`."""
+    """Within the block, if `quiet`, print only labeled messages, which are warnings and errors, and nothing on stdout
+    unless `results`."""
     _quiet.append(quiet)
     try:
         if results or not quiet:
@@ -112,8 +112,8 @@ def quietly(quiet: bool, results: bool) -> Iterator[None]:
 
 def say(message: str, label: str = "", style: str = "") -> None:
     """Print a plain message on stderr, wrapped on a terminal and on one line elsewhere. Brackets are not markup,
-    control characters are shown escaped, and what is too long for anybody to read is left out of its middle. The label,
-    as "error: ", is printed before it in rich's `style`."""
+    control characters are shown escaped, and a long message is shortened in the middle. The label, as "error: ", is
+    printed before it in rich's `style`."""
     message = printable(shortened(message))
     if any(_quiet[-1:]) and not label:
         return
@@ -122,12 +122,12 @@ def say(message: str, label: str = "", style: str = "") -> None:
 
 
 def warn(message: str) -> None:
-    """Print on stderr what the user should look at."""
+    """Print a warning on stderr."""
     say(message, "warning: ", "bold yellow")
 
 
 def shortened(message: str, longest: int = _LONGEST) -> str:
-    """The message, or its beginning and its end, where it quotes all of a damaged file's cell or heading."""
+    """The message; one that is too long, as it quotes a damaged file, without its middle."""
     if len(message) <= longest:
         return message
     return f"{message[: longest // 2]} [... {len(message) - longest:,} characters ...] {message[-longest // 2 :]}"
@@ -144,22 +144,22 @@ class _Messages(logging.Handler):
 
 
 def show_messages() -> None:
-    """Show what the library logs under "sonarmap" from now on."""
+    """Print what the library logs under "sonarmap" from now on."""
     logger = logging.getLogger("sonarmap")
     logger.setLevel(logging.INFO)
     logger.addHandler(_Messages())
 
 
 SECONDS_BETWEEN_LINES = 5.0
-WINDOW = 60.0  # the time left is by the rate of the last seconds: results of an earlier run come faster than others
+WINDOW = 60.0  # [s] whose rate gives the time left: pairs from a journal come faster than others
 _WIDEST_BAR = 40  # of a terminal's columns
-_LABEL, _COUNT, _TIMES = 11, 11, 28  # columns that the words, the count, and the two times take at most
+_LABEL, _COUNT, _TIMES = 11, 11, 28  # columns of the label, the count and the two times
 Step = Callable[[int, int, str], None]
 
 
 @contextmanager
 def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Count `total` pieces of work, likewise: a function to call after each with a few words about it or ""."""
+    """Show the progress of `total` pieces of work; yields a function to call after each with words about it, or ""."""
     done = 0
     with growing_progress(label, quiet) as step:
 
@@ -174,7 +174,7 @@ def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[
 
 @contextmanager
 def stage(label: str, quiet: bool = False) -> Iterator[None]:
-    """Show that work goes on of which no pieces are counted; the arguments are those of `growing_progress`."""
+    """Show that work without counted pieces goes on; the arguments are those of `growing_progress`."""
     with growing_progress(label, quiet) as step:
         yield
         step(1, 1, "")
@@ -182,7 +182,7 @@ def stage(label: str, quiet: bool = False) -> Iterator[None]:
 
 @contextmanager
 def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
-    """Follow work whose total changes while it is done, named as in "mapping"; if `quiet` (--quiet, --json) print
+    """Show the progress of work whose total may change, labeled as in "mapping"; if `quiet` (--quiet, --json) print
     nothing. Yields a function to call as step(pieces done, pieces planned so far, words about the last one)."""
     console = error_console()
     on_terminal = console.is_terminal and not quiet
@@ -200,8 +200,8 @@ def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
 
 
 class _Bar(Progress):
-    """One line with words, bar, count and times, at any width; below it, cut to the width, the last piece in words. It
-    counts also where it is not shown."""
+    """A line with label, bar, count and times, and below it words about the last piece; both fit the width. It counts
+    even if it is not shown."""
 
     def __init__(self, console: Console, label: str, is_shown: bool) -> None:
         self._note, fixed = "", Column(no_wrap=True)
@@ -232,7 +232,7 @@ class _Bar(Progress):
 
     def show(self, done: int, planned: int, note: str) -> None:
         self._note = " ".join(printable(note).split())
-        self.tasks[0].total = planned  # `update` would forget how fast it goes
+        self.tasks[0].total = planned  # `update` would reset the rate
         self.update(self._work, completed=done, count=f"{done}/{planned}" if planned > 1 else "")
 
     def get_renderables(self) -> Iterable[RenderableType]:
@@ -255,7 +255,7 @@ class _Left(ProgressColumn):
 
 
 class _Lines:
-    """Says how far the work is, at most every few seconds and at the end."""
+    """Prints progress in lines, SECONDS_BETWEEN_LINES apart, and at the end."""
 
     def __init__(self, label: str) -> None:
         self._label, self._pending, self._shown_at = label, "", time.monotonic()
@@ -275,15 +275,15 @@ class _Lines:
             self._pending = ""
 
 
-_BETWEEN = 10.0  # where no terminal shows it in place [s]
+_BETWEEN = 10.0  # between status messages where stderr is not a terminal [s]
 Show = Callable[[Sequence[str], Sequence[str], str], None]
 
 
 @contextmanager
 def status_line(quiet: bool) -> Iterator[Show]:
-    """A function that shows lines, and says warnings above them. In a file the lines come every ten seconds, and
-    whenever its last argument changes, which is what they are of in a word. "lost" is shown in red. A terminal that has
-    gone before, or goes within the block, raises nothing at its end."""
+    """Yields a function that shows lines, with warnings above them, and takes the status in a word; "lost" is shown in
+    red. Where stderr is not a terminal, the lines are printed every ten seconds and whenever the status changes. A
+    terminal that was closed raises nothing at the end of the block."""
     console, shown_at, shown = error_console(), -math.inf, ""
 
     def show(lines: Sequence[str], warnings: Sequence[str], status: str) -> None:
