@@ -1,4 +1,4 @@
-"""`sonarmap bench`: how fast the kernels and the registration of a prepared pair are on this machine."""
+"""`sonarmap bench`: speed of the kernels and of registration on this machine."""
 
 import sys
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ def command(
     pairs: int = MEASUREMENT.option("P", "Simulated pairs to register; 0 is none.", 20, min=0),
     kernels: bool = MEASUREMENT.flag("--kernels/--no-kernels", "Time the kernels.", True, rare=True),
     survey: int = MEASUREMENT.option(
-        "N", "Also map a simulated survey of N scans. It goes from files to files; 0 is none.", 0, min=0
+        "N", "Also map a simulated survey of N scans, from files to files; 0 is none.", 0, min=0
     ),
     out: Path | None = OUTPUT.option("FILE", "Also write the result as JSON: one file to send.", None, "-o", "--out"),
     device: DeviceOption = None,
@@ -59,12 +59,12 @@ def command(
         write_json(out, result)
     if wrong:
         names = ", ".join(wrong)
-        say(f"the result differs from NumPy's or SciPy's: {names}; these times mean nothing", "error: ", "bold red")
+        say(f"the result differs from NumPy's or SciPy's: {names}; their times are invalid", "error: ", "bold red")
         raise typer.Exit(UNRELIABLE)
 
 
 def _run(plan: "BenchPlan", device: str | None, as_json: bool) -> tuple[dict[str, Any], list[str]]:
-    """The result, printed, as JSON's types; and the kernels that are wrong."""
+    """Run the benchmark and print it; return the result as JSON's types, and the kernels that are wrong."""
     from rich.console import Console
 
     from sonarmap.tools.files.writers.tables import to_json
@@ -81,7 +81,7 @@ def _run(plan: "BenchPlan", device: str | None, as_json: bool) -> tuple[dict[str
 
 
 def _run_here(arguments: Sequence[str]) -> None:
-    """Run `sonarmap` with arguments in this process."""
+    """Run `sonarmap` with the arguments in this process."""
     from sonarmap.tools.command.main import app
 
     app(arguments, standalone_mode=False)

@@ -1,4 +1,4 @@
-"""`sonarmap compare`: what changed between two surveys of a place."""
+"""`sonarmap compare`: changes between two surveys of a place."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,22 +42,22 @@ def command(
     ] = None,
     out: Path = OUTPUT.option("OUT", "Folder for the results.", REQUIRED, "-o", "--out"),
     same_frame: bool = INPUT.flag("--same-frame", SAME_FRAME),
-    surveys: bool = INPUT.flag("--surveys", "Compare the surveys of OLD in pairs; give no NEW."),
+    surveys: bool = INPUT.flag("--surveys", "Compare each survey of OLD with the next, without NEW."),
     reach: float | None = INPUT.length("Search distance along the old surface's normal \\[m].", "four voxels"),
     bound: float | None = INPUT.length(
-        "Largest level of detection of a place called unchanged \\[m].", "two voxels", rare=True
+        "Largest level of detection at which a place is called unchanged \\[m].", "two voxels", rare=True
     ),
     cloud_sigma: float | None = INPUT.length(
-        "Standard deviation of a coordinate of the point cloud \\[m].", "", shown="what its scatter says", rare=True
+        "Standard deviation of a coordinate of the point cloud \\[m].", "", shown="from its scatter", rare=True
     ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Find what changed between two finished maps of a place.
 
-    Either OLD or NEW may be a point cloud from another program. NEW is brought onto OLD by registration of its views.
-    Distances along the surface have levels of detection, regions that changed have volumes with sigmas, and areas
-    seen in only one survey are never reported as unchanged. The exit code is 0 if they were compared, also if nothing
+    Either OLD or NEW may be a point cloud from another program. NEW is aligned with OLD by registration of its views.
+    Distances of the surfaces have levels of detection, regions that changed have volumes with sigmas, and areas
+    seen in only one survey are never reported as unchanged. The exit code is 0 if they were compared, even if nothing
     changed, 3 if NEW was not found in OLD, 2 for bad input.
     """
     from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
@@ -78,14 +78,14 @@ def command(
     first = replace(first, georeference=earth.georeference(first.georeference))
     place = _place(first, earth)
     if place is not None:
-        require("rasterio")  # of changes.tif, which is written last
+        require("rasterio")  # for changes.tif, which is written last
     results: list[tuple[Path, Comparison]] = []
     try:
         if new is None:
             results = _surveys(folder, out, settings)
         else:
             registrar = None if same_frame else _registrar(folder, view.method)
-            with growing_progress("bringing NEW onto OLD", quiet or as_json) as step:
+            with growing_progress("aligning NEW with OLD", quiet or as_json) as step:
                 results = [(out, compare_maps(first, second, registrar, settings, step))]
     except NotAlignedError as error:
         if as_json:
@@ -101,7 +101,7 @@ def _write(
     as_json: bool,
     in_pairs: bool,
 ) -> None:
-    """Write the files of each comparison into its folder, and print what it says."""
+    """Write the files of each comparison to its folder, and print the results."""
     from sonarmap.tools.products.compare.files import write_comparison
 
     contents: list[dict[str, object]] = []
@@ -115,7 +115,7 @@ def _write(
 
 
 def _check(old: Path, new: Path | None, surveys: bool, same_frame: bool, cloud_sigma: float | None) -> None:
-    """Refuse what does not go together."""
+    """Refuse arguments and options that exclude each other."""
     if new is None and not surveys:
         raise InputError(f"only {old} was given; wanted OLD and NEW, or --surveys to compare the surveys of one map")
     if new is not None and surveys:
@@ -127,7 +127,7 @@ def _check(old: Path, new: Path | None, surveys: bool, same_frame: bool, cloud_s
 
 
 def _place(first: "Map | PointCloud", earth: EarthPlace) -> "tuple[Georeference, Projection] | None":
-    """Where the old survey lies on the Earth; None where that is not known."""
+    """The old survey's place on the Earth and projection; None if the place is not known."""
     from sonarmap.tools.products.compare.cloud import PointCloud
 
     known = first.georeference if isinstance(first, PointCloud) or first.on_earth(first.parts[0]) else None
@@ -136,27 +136,27 @@ def _place(first: "Map | PointCloud", earth: EarthPlace) -> "tuple[Georeference,
 
 
 def _registrar(folder: "Map", method: MethodOptions) -> "SpectralRegistrar":
-    """On the grid that suits the views of a map."""
+    """A registrar on the grid that suits the views of a map."""
     from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.map_folder.folder import surveyed_map
 
     registrar = configure_method(surveyed_map(folder).key_scans(), method, survey=True).registrar
-    assert isinstance(registrar, SpectralRegistrar)  # as other methods are refused
+    assert isinstance(registrar, SpectralRegistrar)  # ViewOptions has no other method
     return registrar
 
 
 def _surveys(folder: "Map", out: Path, settings: "CompareSettings") -> "list[tuple[Path, Comparison]]":
-    """Each survey of a map with the next, and a folder for each pair."""
+    """Compare each survey of a map with the next; each comparison has its folder."""
     from sonarmap.tools.products.compare.comparison import compare_surveys
 
     numbers = sorted(set(folder.surveys(folder.parts[0])))
     if len(numbers) < 2:
-        raise InputError(f"{folder.path} is of one survey; --surveys needs a map of several: give NEW instead")
+        raise InputError(f"{folder.path} has one survey, and --surveys needs several; give NEW instead")
     return [(out / f"survey_{a}_{b}", compare_surveys(folder, a, b, settings)) for a, b in pairwise(numbers)]
 
 
 def _print(comparison: "Comparison", files: Sequence[Path]) -> None:
-    """What changed in words, a row for each region, and the files."""
+    """Print the notes, a row for each changed region, the verdict and the files."""
     for note in comparison.notes:
         say(note)
     if comparison.alignment is not None:

@@ -1,4 +1,4 @@
-"""`sonarmap devices`, the OpenCL devices of this machine, and `doctor`, what is wrong with it or the installation."""
+"""`sonarmap devices`: the OpenCL devices of this machine; `sonarmap doctor`: faults of it or the installation."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -21,9 +21,9 @@ def command(
 ) -> None:
     """List the OpenCL devices, try each, and mark the one that would be used.
 
-    Each driver is loaded in a process of its own, and each device tried with a small kernel. A GPU is used only after
-    its self-test, which is run before its first use: transforms, voxels, peaks and a small registration, compared with
-    the processor's numbers. Below stands how much of a device's memory each grid needs.
+    Each driver is loaded in a process of its own, and each device is tried with a small kernel. A GPU is used only
+    after its self-test, run before its first use: transforms, voxels, peaks and a small registration are compared with
+    the processor's results. A table shows how much device memory each grid needs.
 
     The exit code is 2 if no device works.
     """
@@ -36,7 +36,7 @@ def command(
         chosen, fault = choose_device(device).selector, None
     except DeviceError as error:
         chosen, fault = None, error
-    devices = [asdict(info) for info in known_devices()]  # just tried, and the choice may have tested some more
+    devices = [asdict(info) for info in known_devices()]  # again, as choosing may have tested more
     if as_json:
         entries = [entry | {"works": not entry["fault"]} for entry in devices]
         print_json({"chosen": chosen, "devices": entries, "grids": _needs()}, indent=2)
@@ -46,7 +46,7 @@ def command(
         if chosen:
             say(f"{chosen} (*) would be used; --device or PYOPENCL_CTX selects another")
         _print_needs()
-    if fault and as_json:  # what failed stands in the object that is printed
+    if fault and as_json:  # stdout has the printed object already
         say(str(fault), "error: ", "bold red")
         raise typer.Exit(MISUSE)
     if fault:
@@ -54,7 +54,7 @@ def command(
 
 
 def _needs() -> list[dict[str, int]]:
-    """What a pair of scans takes on each grid, of the default method [bytes]."""
+    """Memory that the default method needs on each grid [bytes]."""
     from sonarmap.kernels.fft.edges import EDGES
     from sonarmap.spectral.memory import POINTS, memory_plan
 
@@ -74,9 +74,7 @@ def _print_needs() -> None:
 
 
 def doctor(
-    out: Annotated[
-        Path, typer.Argument(metavar="[OUT]", help="The folder that results are to go to.", show_default=False)
-    ] = Path(),
+    out: Annotated[Path, typer.Argument(metavar="[OUT]", help="The folder for results.", show_default=False)] = Path(),
     quick: Annotated[
         bool, RUNNING.switch("--quick", "Load no library, and run no self-test; takes about a second.")
     ] = False,
@@ -84,9 +82,9 @@ def doctor(
 ) -> None:
     """Check the installation and this machine: libraries, OpenCL devices, memory, disk.
 
-    Each is ok, a warning (part of it may not work) or wrong (something that is needed does not work), with what was
-    seen and what to do, as a command that can be copied. The exit code is 2 if anything is wrong. It works where
-    the other verbs do not start.
+    Each is ok, a warning (part of it may not work) or wrong (something that is needed does not work). Below a fault
+    stands its remedy, as a command to be copied. The exit code is 2 if anything is wrong. It works even if the other
+    verbs do not start.
     """
     from sonarmap.tools.command.doctor import run
 

@@ -47,8 +47,7 @@ def command(
         ),
     ],
     align: str = MEASUREMENT.choice(
-        "Align by poses, positions or first. poses are all positions and orientations, positions these alone, first "
-        "the first pose.",
+        "Align by poses (all positions and orientations), positions (all positions), or first (the first pose).",
         ALIGNMENTS,
         "HOW",
     ),
@@ -57,7 +56,7 @@ def command(
     map: Path | None = INPUT.option("FILE", "The estimate's map, to compare with --surface."),
     surface: Path | None = INPUT.option(
         "PATH",
-        "The true surface, in the truth's frame. It is a simulation's folder or description.json, or a point cloud.",
+        "The true surface, in the truth's frame: a simulation's folder or description.json, or a point cloud.",
     ),
     voxel: float | None = INPUT.option(
         "M",
@@ -71,10 +70,10 @@ def command(
     """Compare an estimated trajectory with the true one: the error of every pose, of the whole trajectory (ATE) and of
     each step (RPE).
 
-    Poses are matched by their stamps, in KITTI files by their line. The truths of several dives are joined in the given
-    order; where the stamps of each count its scans from 0, the count goes on from dive to dive. --align chooses the
-    rigid transform, without scale, that lays the estimate over the truth: poses, least squares over positions and
-    orientations, where 1 rad counts as much as 1 m; positions, the same without the orientations, for at least three
+    Poses are matched by their stamps, in KITTI files by line. The truths of several dives are joined in the given
+    order; if their stamps count scans from 0, the count continues from dive to dive. --align chooses the rigid
+    transform, without scale, that aligns the estimate with the truth: poses, least squares over positions and
+    orientations, where 1 rad weighs as much as 1 m; positions, the same without orientations, for at least three
     positions that are not on a line; first, the first pose onto its truth. The map is moved by the same transform.
     Pairs need no alignment, and uncertainties are always compared relative to the first pose.
     """
@@ -113,7 +112,7 @@ def command(
 
 
 def _check_together(map: Path | None, surface: Path | None, voxel: float | None, summary: Path | None) -> None:
-    """Refuse options that need another one, or have no effect without it."""
+    """Refuse options without the options that they need."""
     if (map is None) != (surface is None):
         option, missing = ("--map", "--surface") if surface is None else ("--surface", "--map")
         raise InputError(f"{option} needs {missing}: the map is compared with the surface; give both, or neither")
@@ -135,7 +134,7 @@ def _map_error(
 
 
 def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: float | None) -> bool:
-    """Print the poses whose errors are too large; whether there are any."""
+    """Print poses whose errors exceed the limits; return whether there are any."""
     limits = [math.inf if limit is None else limit for limit in (max_error_m, max_error_deg)]
     beyond = result.beyond(*limits).tolist()
     allowed = [f"{limit:g} {unit}" for limit, unit in zip(limits, ("m", "degrees"), strict=True) if limit < math.inf]
@@ -152,7 +151,7 @@ def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: flo
 
 
 def _print_trajectory(result: "Evaluation") -> None:
-    """How far off the trajectory is: ATE, RPE and the worst pose."""
+    """Print the errors of the trajectory: ATE, RPE and the worst pose."""
     worst, turned = int(result.translation_m.argmax()), int(result.rotation_deg.argmax())
     print_result(
         f"Positions are off by {result.ate_m:.3f} m (ATE, the root mean square of {len(result.stamps)} poses, "
@@ -169,7 +168,7 @@ def _print_trajectory(result: "Evaluation") -> None:
 
 
 def _print_map(error: "MapError", alignment: str) -> None:
-    """The distances of the map's points from the true surface."""
+    """Print the distances of the map's points from the true surface."""
     print_result(
         f"The map is off by {error.median_m:.3f} m in the median; 90 % of its points lie within {error.p90_m:.3f} m, "
         f"{100 * error.within_voxel:.1f} % within one voxel ({error.voxel:.3g} m): {len(error.distance_m):,} points "
@@ -178,7 +177,7 @@ def _print_map(error: "MapError", alignment: str) -> None:
 
 
 def _print_scores(scores: Mapping[str, "PairScore"], rotation_deg: float, translation_m: float) -> None:
-    """One column for each kind of pair."""
+    """Print a table of pairs, with a column for each kind."""
     table = number_table(f"pairs, right within {rotation_deg:g}° and {translation_m:.2f} m", *scores, words=1)
     table.columns[0].no_wrap = True
     for count in _COUNTS:
@@ -192,7 +191,7 @@ def _print_scores(scores: Mapping[str, "PairScore"], rotation_deg: float, transl
 
 
 def _print_calibration(calibration: "PoseCalibration") -> None:
-    """How many true poses lie within the estimates' 95 % ellipsoids."""
+    """Print how many true poses lie in the estimates' 95 % ellipsoids."""
     print_result(
         f"Uncertainty of {len(calibration.nees)} poses, {ANCHORS[calibration.anchor]}: "
         f"{100 * calibration.within_95:.1f} % of the true poses and "
@@ -202,7 +201,7 @@ def _print_calibration(calibration: "PoseCalibration") -> None:
     if calibration.origins_differ:
         east, north, up = calibration.offset.tolist()
         print_result(
-            f"That says nothing if the two count from different origins, as it seems: all of the truth lies "
+            f"This is invalid if the two have different origins, as it seems: all of the truth lies "
             f"{east:+.2f} m East, {north:+.2f} m North and {up:+.2f} m up of the estimate. Give both in one frame."
         )
 

@@ -1,4 +1,4 @@
-"""`sonarmap export`, a finished map to the formats of other programs, and `view`, its report in the browser."""
+"""`sonarmap export`: a map in formats of other programs; `sonarmap view`: its report in the browser."""
 
 import re
 import webbrowser
@@ -39,17 +39,15 @@ def _numbers_of(text: str) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedFiles:
-    """Which files are written, and where."""
+    """Options of the exported files."""
 
     out: Path = OUTPUT.option("OUT", "Folder for the files; it may be MAP itself.", REQUIRED, "-o", "--out")
     format: FormatsOption
     cell: float | None = OUTPUT.length("Edge of a grid's cell \\[m].", CELL)
-    height: str = OUTPUT.choice(
-        "Height of a cell: top, mean or shoalest. top is the mean of its uppermost surface.", HEIGHTS
-    )
+    height: str = OUTPUT.choice("Height of a cell: top (mean of its uppermost surface), mean or shoalest.", HEIGHTS)
     points: str = OUTPUT.choice(
-        "In files of points: map, or all. map has one for each voxel; all has every point of every scan, in place, "
-        "from the scans that the map was made of. Files of points are laz, copc, e57 and xyz.",
+        "Points in laz, copc, e57 and xyz: map (one for each voxel of the map) or all (every point of every scan, "
+        "from the scans that the map was made of).",
         ("map", "all"),
     )
     scan_numbers: str | None = OUTPUT.option(
@@ -69,9 +67,9 @@ def command(
 ) -> None:
     """Write a finished map in other programs' formats, placed on the Earth.
 
-    Beside every file a second one, FILE.json, says what it is: frame, datum, CRS, vertical reference, signs, versions,
-    settings, and SHA-256 of the file and of the scans. All files appear together, or none. Without --origin the map
-    lies where navigation placed it. Points of scans (--points all, --scan-numbers) are read from the scans again.
+    Every file gets a FILE.json that describes it: frame, datum, CRS, vertical reference, signs, versions, settings, and
+    SHA-256 of the file and of the scans. Either all files are written or none. Without --origin the map lies where
+    navigation placed it. Points of scans (--points all, --scan-numbers) are read from the scans again.
     """
     from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.products.export.run import ExportSettings
@@ -98,13 +96,13 @@ def command(
 
 def view(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
-    rebuild: Annotated[bool, RUNNING.switch("--rebuild", "Make the report again first, from the map's files.")] = False,
+    rebuild: Annotated[bool, RUNNING.switch("--rebuild", "Write the report again from the map's files.")] = False,
     show: Annotated[bool, RUNNING.switch("--open/--no-open", "Open the report in the browser.")] = True,
 ) -> None:
     """Open a finished map's report, MAP/report.html, in the browser.
 
     The report is one file with the map in 3D, the track, the loops with their reasons and the settings. It needs no
-    network and no other file, so it can be copied and sent. `--rebuild --no-open` writes it where there is no
+    network and no other file, so it can be copied and sent. `--rebuild --no-open` writes it without opening a
     browser.
     """
     from sonarmap.tools.files.map_folder.names import REPORT
@@ -121,8 +119,8 @@ def view(
     elif not report.is_file():
         if not (source / SUMMARY).is_file():
             raise InputError(
-                f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the one that "
-                "its -o named, as in `sonarmap view map/`"
+                f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the "
+                "folder that its -o named, as in `sonarmap view map/`"
             )
         raise InputError(
             f"{source} has no {REPORT}, as of a map made with --no-report or by an earlier version; "

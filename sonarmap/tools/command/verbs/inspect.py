@@ -1,4 +1,4 @@
-"""`sonarmap inspect`: what scan files hold, before a map is made of them."""
+"""`sonarmap inspect`: the contents of scan files and navigation logs, before a map is made."""
 
 import shlex
 from collections.abc import Sequence
@@ -23,27 +23,27 @@ def command(
     inputs: InputsArgument,
     points: PointReading,
     reading: NavigationReading,
-    names: Annotated[bool, OUTPUT.switch("--names", "List all scans' names alone, as priors need them.")] = False,
+    names: Annotated[bool, OUTPUT.switch("--names", "Print only the names of all scans, as in priors.")] = False,
     grid: GridOption = None,
     template: Annotated[
         Path | None, OUTPUT.value("FILE", "Write a CSV table of the scans for --priors, to be filled in.", "--template")
     ] = None,
-    plot: Annotated[Path | None, OUTPUT.value("FILE", "Draw a log as PNG.", "--plot")] = None,
+    plot: Annotated[Path | None, OUTPUT.value("FILE", "Plot a log as PNG.", "--plot")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Show what scan files hold: how many scans, of what extent, when and how often they were taken, what is lost or
-    damaged, and which voxels suit them.
+    """Show the contents of scan files: number of scans, their extent, times and rate, missing or damaged data, and the
+    voxels that suit them.
 
-    A scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if none can.
+    Only one scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if none can.
 
     If the first INPUT is a log of navigation (CSV, NMEA 0183, TUM), it shows the log's contents and lists rejected
-    rows with their line numbers; with scans after it also what it says at their times. The exit code is 3 if no row
+    rows with their line numbers; if scans follow, also how many of them the log covers. The exit code is 3 if no row
     matches a scan.
 
-    --template writes a row for each scan with its name and stamp, and empty cells for what instruments measured of it.
-    A cell that stays empty was not measured; columns without measurements may be deleted, and standard deviations be
-    left to --prior-sigmas.
+    --template writes a row for each scan with its name and stamp, and empty cells for measurements. Cells without a
+    measurement stay empty; columns without any may be deleted. --prior-sigmas gives the standard deviations that the
+    table lacks.
     """
     from sonarmap.tools.command.overview import overview_json, overview_of, print_overview
     from sonarmap.tools.files.readers.navigation.overview import is_log
@@ -62,13 +62,11 @@ def command(
             raise typer.Exit(INCOMPLETE)
         return
     for flag, value in (*given(reading).items(), *([("plot", plot)] if plot else [])):
-        raise InputError(
-            f"--{flag.replace('_', '-')} {value}: it is for a log of navigation; give one as the first INPUT"
-        )
+        raise InputError(f"--{flag.replace('_', '-')} {value} needs a log of navigation; give one as the first INPUT")
     with growing_progress("reading", quiet or as_json) as step:
         overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)
-    said = ({} if grid is None else {"grid": grid}) | given(points)
-    options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in said.items()]
+    chosen = ({} if grid is None else {"grid": grid}) | given(points)
+    options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in chosen.items()]
     if template is not None:
         write_template(template, overview.names, overview.stamps)
         say(f"written to {template}: {counted(len(overview.names), 'row')}")
@@ -100,7 +98,7 @@ def _inspect_log(
     as_json: bool,
     quiet: bool,
 ) -> bool:
-    """Show a log; whether it says something of all scans, or there are none."""
+    """Print a log's overview; return whether it covers some of the scans, or there are none."""
     import numpy as np
 
     from sonarmap.tools.command.overview import log_json, print_log
@@ -113,22 +111,22 @@ def _inspect_log(
 
         with growing_progress("reading", quiet or as_json) as step:
             stamps = np.array([scan.stamp for scan in read_survey(scans, [], step, points.corrections()).scans])
-    found = log_overview(path, settings, stamps)
+    overview = log_overview(path, settings, stamps)
     options = [f"--{name.replace('_', '-')} {shlex.quote(_plain(value))}" for name, value in given(reading).items()]
     following = _next_command(str(path), scans, options)
     if plot is not None:
         from sonarmap.tools.products.report.pictures import log_figure, write_png
 
-        write_png(log_figure(found), plot)
+        write_png(log_figure(overview), plot)
     if as_json:
-        print_json(log_json(found, following))
+        print_json(log_json(overview, following))
     else:
-        print_log(found, following)
-        for note in found.notes:
+        print_log(overview, following)
+        for note in overview.notes:
             say(note)
-    if found.apart:
-        warn(f"{path}: no row is at the time of a scan, or near it: {found.apart}")
-    return not found.apart
+    if overview.apart:
+        warn(f"{path}: no row is at the time of a scan, or near it: {overview.apart}")
+    return not overview.apart
 
 
 def _plain(value: float | str) -> str:
@@ -136,6 +134,6 @@ def _plain(value: float | str) -> str:
 
 
 def _next_command(log: str, scans: Sequence[str], options: Sequence[str]) -> str:
-    """How to make a map with it."""
+    """The command that makes a map with the log."""
     words = ["sonarmap map", *(map(shlex.quote, scans) if scans else ["SCANS"]), "--priors", shlex.quote(log)]
     return " ".join([*words, "--prior-sigmas A,H,D,P", *options, "-o map/"])

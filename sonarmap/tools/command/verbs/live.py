@@ -1,4 +1,4 @@
-"""`sonarmap live`: the map while the vehicle dives."""
+"""`sonarmap live`: map while the vehicle dives."""
 
 import sys
 import time
@@ -32,8 +32,8 @@ NOTHING_CAME = 3
 SourceArgument = Annotated[
     list[str] | None,
     typer.Argument(
-        help="A recording (.sonar) or folder of scans that grows; with --replay finished ones, as of `sonarmap map`. "
-        "Without it what a Sonar 3D-15 sends over the network is recorded to OUT/recording, and mapped.",
+        help="A recording (.sonar) or folder of scans that grows; with --replay finished scans, as for `sonarmap map`. "
+        "Without SOURCE the data of a Sonar 3D-15 are recorded from the network to OUT/recording, and mapped.",
         metavar="[SOURCE]",
         show_default=False,
     ),
@@ -42,7 +42,7 @@ SourceArgument = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class LiveOptions:
-    """How a dive is shown, and what ends it."""
+    """Options of the dive and of the page that shows it."""
 
     replay: float | None = INPUT.option(
         "F", "Replay finished scans faster than real time by this factor. 0 is as fast as possible.", min=0.0
@@ -85,14 +85,14 @@ def command(
 ) -> None:
     """Map while the vehicle dives, and show it in the browser.
 
-    The page shows the map as it grows, where the vehicle is and how surely, what was seen how often, and says when it
-    is lost and where its place was last sure. Each scan is placed when it comes; loops are closed and all poses
-    optimized again meanwhile, with --priors and --odometry as far as their files have grown. Where more scans come than
-    can be placed, some are left for the end.
+    The page shows the growing map, the vehicle's position with its uncertainty, and how often each place was seen; for
+    a lost vehicle also its last reliable position. Each scan is placed when it arrives; meanwhile loops are closed and
+    all poses optimized again, with the rows that --priors and --odometry have so far. Scans that arrive too fast are
+    placed at the end.
 
-    Ctrl-C or --duration ends the dive. Then the map is made as `sonarmap map` makes it, with the same files and exit
-    codes; `sonarmap map OUT/recording -o OUT` with more options makes it again. What comes over the network is recorded
-    to OUT/recording by a process of its own. Started again with the same OUT, it goes on where it was.
+    Ctrl-C or --duration ends the dive. Then the map is made as by `sonarmap map`, with the same files and exit codes;
+    `sonarmap map OUT/recording -o OUT` with more options makes it again. A separate process records data from the
+    network to OUT/recording. If started again with the same OUT, the dive continues.
     """
     from sonarmap.tools.command.live.kept_keys import clear
     from sonarmap.tools.command.live.mapping import MappingSettings
@@ -128,7 +128,7 @@ def command(
         raise typer.Exit(NOTHING_CAME)
     if not live.finish:
         return
-    if live.nmea is not None and not _tells(out / NAME):
+    if live.nmea is not None and not _has_navigation(out / NAME):
         known, reading = PriorsFile(), NavigationReading() if odometry.odometry is None else reading
 
     def finish(output: MapOutput, earth: EarthPlace) -> None:
@@ -145,7 +145,7 @@ def command(
 def _make_map(
     make: Callable[[MapOutput, EarthPlace], None], output: MapOutput, earth: EarthPlace, inputs: Sequence[str]
 ) -> None:
-    """Make the map of a dive that has ended; without --export where a format needs a place that nothing gave."""
+    """Make the map of a dive that has ended, without --export if that needs a place on the Earth that is not known."""
     from sonarmap.tools.products.export.run import NoPlaceError
 
     try:
@@ -155,14 +155,14 @@ def _make_map(
         make(replace(output, export=[]), replace(earth, crs=None))
     except InputError as error:
         again = f"sonarmap map {' '.join(inputs)} -o {output.out}"
-        raise InputError(f"{error}. What came is kept, and '{again}' with other options makes the map") from error
+        raise InputError(f"{error}. The scans are kept; '{again}' with other options makes the map") from error
 
 
 def _follow(
     settings: "MappingSettings", live: LiveOptions, listening: Listening | None, seconds: float | None, quiet: bool
 ) -> None:
-    """Show a dive until it ends, after so many seconds at most; `listening` says what is recorded, None where somebody
-    else records."""
+    """Show a dive until it ends, after `seconds` at most. `listening` are the options of the recording; None if another
+    program records."""
     from sonarmap.tools.command.live.dive import Dive
     from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
     from sonarmap.tools.command.live.navigation import NavigationLog
@@ -179,7 +179,7 @@ def _follow(
             _keep_map(live.onto, out)
         show = beside.enter_context(status_line(quiet))
         recording = None if listening is None else beside.enter_context(_recording(out, listening, stop))
-        # whatever fails from here on, the recording goes on
+        # if anything fails below, the recording continues
         with suppress(OSError):
             say(f"the map is shown at {' or '.join(page.addresses)}; Ctrl-C ends the dive")
         if live.browser:
@@ -189,14 +189,14 @@ def _follow(
         Dive(settings, page, tell, recording is not None, news).follow(stop)
     try:
         say("the dive has ended")
-    except OSError:  # the terminal has gone, and the map is made all the same
+    except OSError:  # the terminal was closed; the map is made all the same
         discard(sys.stderr)
 
 
 @contextmanager
 def _recording(out: Path, listening: Listening, stop: Event) -> "Iterator[RecordingProcess]":
-    """A recording that goes on until `stop` is set. Where the block ends before, it goes on beyond, and the next
-    `sonarmap live` takes it over."""
+    """A recording that runs until `stop` is set. If the block ends before, it continues, and the next `sonarmap live`
+    takes it over."""
     from sonarmap.tools.command.live.recording import RecordingProcess, recorder_of
     from sonarmap.tools.command.record.receiver import open_socket
 
@@ -213,13 +213,13 @@ def _recording(out: Path, listening: Listening, stop: Event) -> "Iterator[Record
 
 
 def _open_browser(address: str) -> None:
-    """In a thread: a browser of the terminal returns when it is closed."""
+    """Open the page, in a thread, as a browser in the terminal returns only when it is closed."""
     with suppress(webbrowser.Error, OSError):
         webbrowser.open(address)
 
 
 def _has_scans(inputs: list[str]) -> bool:
-    """Whether there is anything to map."""
+    """Whether the inputs have scans."""
     from sonarmap.tools.files.readers.file import FORMATS
     from sonarmap.tools.files.readers.selection import select_files
 
@@ -230,15 +230,15 @@ def _has_scans(inputs: list[str]) -> bool:
         return False
 
 
-def _tells(kept: Path) -> bool:
-    """Whether navigation that was kept tells anything."""
+def _has_navigation(log: Path) -> bool:
+    """Whether a recorded NMEA log has navigation; if not, print a warning."""
     import numpy as np
 
     from sonarmap.tools.files.readers.navigation.nmea import read_nmea
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 
     try:
-        read_nmea(kept, NavigationSettings(), np.array([time.time()]), [])
+        read_nmea(log, NavigationSettings(), np.array([time.time()]), [])
     except InputError as error:
         warn(f"{error}; the map is made without navigation")
         return False
@@ -246,7 +246,7 @@ def _tells(kept: Path) -> bool:
 
 
 def _keep_map(onto: Path, out: Path) -> None:
-    """The key scans of a finished map, where the mapping finds them."""
+    """Copy the key scans of a finished map to `out`, from where the mapping reads them."""
     from sonarmap.tools.command.live.kept_keys import forget_keys, keep_key, map_keys
     from sonarmap.tools.files.map_folder.folder import read_map_folder
 
@@ -260,7 +260,7 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
 
     if replay is not None:
         if not inputs:
-            raise InputError("--replay needs finished scans to take; name them")
+            raise InputError("--replay needs finished scans; name them")
         return
     if len(inputs) > 1:
         raise InputError(
@@ -269,7 +269,7 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
     for name in inputs:
         path = Path(name)
         if not path.exists():
-            raise InputError(f"{name} does not exist; name what is being written, or leave it out for the network")
+            raise InputError(f"{name} does not exist; name a growing recording or folder, or none for the network")
         if not (path.is_dir() or path.suffix.lower() in GROWING):
             raise InputError(
                 f"{name} is neither a folder nor a recording that may grow ({', '.join(GROWING)}); give --replay 1 to "

@@ -1,4 +1,4 @@
-"""`sonarmap locate`: where scans were taken in a finished map."""
+"""`sonarmap locate`: poses of scans in a finished map."""
 
 import math
 from collections.abc import Sequence
@@ -55,9 +55,9 @@ def command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Find where scans were taken in a finished MAP: poses in its frame and on the Earth, and how sure they are.
+    """Find where scans were taken in a finished MAP: poses in its frame and on the Earth, with uncertainties.
 
-    p_map = T_map_scan p_scan, in meters. Scans of one folder or file follow one another: the motion narrows the search.
+    p_map = T_map_scan p_scan, in meters. Scans of one folder or file are a track, whose motion narrows the search.
     The exit code is 0 if a scan was located, 3 if none was, 2 for bad input.
     """
     from sonarmap.slam.locate.locator import Locator
@@ -72,33 +72,33 @@ def command(
     surveyed = surveyed_map(folder)
     projection = earth.projection(folder.georeference if folder.on_earth(folder.parts[0]) else None)
     if priors.priors and not surveyed.measured.any():
-        raise InputError(f"--priors has no effect in {source}, whose frame no instrument measured; leave it out")
+        raise InputError(f"--priors has no effect: the frame of {source} was not measured by instruments; leave it out")
     read = read_scans(inputs, points.corrections())
     for note in read.notes:
         say(note)
     navigation = reading.settings(*priors.priors, origin=folder.georeference)
     scans = scans_with_priors(read.scans, priors, navigation, imu, allow_unknown=True, files=read.files).scans
     configured = configure_method(surveyed.key_scans(), view.method, survey=True)
-    assert isinstance(configured.registrar, SpectralRegistrar)  # as other methods are refused
-    found: list[Located] = []
+    assert isinstance(configured.registrar, SpectralRegistrar)  # ViewOptions has no other method
+    results: list[Located] = []
     with growing_progress("locating", quiet or as_json) as step:
         step(0, len(scans), "")
         locator = Locator(configured.registrar, surveyed)
         for located in map(locator.locate, scans) if alone else locator.track(scans, read.surveys):
-            found.append(located)
-            step(len(found), len(scans), f"{located.name} {'located' if located.located else 'not located'}")
-    sure = [located for located in found if located.located]
+            results.append(located)
+            step(len(results), len(scans), f"{located.name} {'located' if located.located else 'not located'}")
+    accepted = [located for located in results if located.located]
     if out is not None:
-        _write(out, sure)
-    worlds = _worlds(folder, projection, found)
+        _write(out, accepted)
+    worlds = _worlds(folder, projection, results)
     if as_json:
-        about = {"map": source, "grid": configured.edge, "voxel": configured.grid.voxel, "located": len(sure)}
-        about |= {"written": out} if out is not None and sure else {}
-        rows = [_as_json(located, world) for located, world in zip(found, worlds, strict=True)]
+        about = {"map": source, "grid": configured.edge, "voxel": configured.grid.voxel, "located": len(accepted)}
+        about |= {"written": out} if out is not None and accepted else {}
+        rows = [_as_json(located, world) for located, world in zip(results, worlds, strict=True)]
         print_json({"scans": rows, **about})
     else:
-        _print(found, worlds)
-    if not sure:
+        _print(results, worlds)
+    if not accepted:
         raise typer.Exit(NOWHERE)
 
 
@@ -118,7 +118,7 @@ def _write(path: Path, located: "Sequence[Located]") -> None:
 
 
 def _worlds(folder: "Map", projection: "Projection | None", found: "Sequence[Located]") -> list[dict[str, Any] | None]:
-    """Where on the Earth each scan was taken; None where it is not located, or the map's place is not known."""
+    """Places of the scans on the Earth; None for scans that were not located, or if the map's place is not known."""
     import numpy as np
 
     if projection is None or folder.georeference is None:
@@ -126,15 +126,15 @@ def _worlds(folder: "Map", projection: "Projection | None", found: "Sequence[Loc
     geodetic = folder.georeference.geodetic(np.array([each.T_map_scan.translation for each in found]))
     numbers = np.hstack([geodetic, projection.project(geodetic)[:, :2]]).tolist()
     names = ("latitude", "longitude", "height", "easting", "northing")
-    said = {"vertical": projection.vertical, "crs": projection.name}
+    frame = {"vertical": projection.vertical, "crs": projection.name}
     return [
-        dict(zip(names, row, strict=True)) | said if each.located else None
+        dict(zip(names, row, strict=True)) | frame if each.located else None
         for each, row in zip(found, numbers, strict=True)
     ]
 
 
 def _as_json(located: "Located", world: dict[str, Any] | None) -> dict[str, object]:
-    """Null for what is not known: of a scan that nothing of the map is like even a place."""
+    """A located scan as JSON; null for unknown values, even the pose if no view of the map matches."""
     return {
         "name": located.name,
         "stamp": located.stamp,
@@ -162,7 +162,7 @@ def _place(place: "Place | None") -> dict[str, object]:
 
 
 def _print(found: "Sequence[Located]", worlds: Sequence[dict[str, Any] | None]) -> None:
-    """A row for each scan, and how many were located."""
+    """Print a row for each scan, and the number of located ones."""
     from sonarmap.slam.graph.tangent import worst_sigmas
 
     columns = ("x, y, z [m]", "worst sigmas", "right", "time")
@@ -177,7 +177,7 @@ def _print(found: "Sequence[Located]", worlds: Sequence[dict[str, Any] | None]) 
         degrees = [f"{world['latitude']:.7f} {world['longitude']:.7f}" if world else "-"] if any(worlds) else []
         table.add_row(printable(each.name), "yes" if each.located else "no", *cells, *degrees)
     result_console().print(table)
-    sure = sum(each.located for each in found)
-    print_result(f"\n{sure} of {len(found)} {'scan was' if len(found) == 1 else 'scans were'} located in the map.")
+    located = sum(each.located for each in found)
+    print_result(f"\n{located} of {len(found)} {'scan was' if len(found) == 1 else 'scans were'} located in the map.")
     if len(found) == 1:
         print_result(f"because: {found[0].reason}")

@@ -68,30 +68,30 @@ INCOMPLETE = 3
 
 @dataclass(frozen=True, slots=True)
 class SurveyInput:
-    """What a map is made of, and how."""
+    """The inputs of a map, with the method and settings."""
 
-    read: "ReadScans"  # with what instruments measured of the scans
+    read: "ReadScans"  # with the scans' priors
     odometry: "Odometry | None"
     ties: "tuple[Tie, ...]"
     control: "tuple[ControlPoint, ...]"
-    georeference: "Georeference | None"  # of the map, as far as it is known
+    georeference: "Georeference | None"  # of the map; None if it is not known
     method: ConfiguredMethod
-    settings: Mapping[str, Any]  # of the summary
+    settings: Mapping[str, Any]  # for summary.json
     vet: "Callable[[Sequence[RegisteredPair]], None] | None"  # may refuse the navigation
     lines: "LineReading"  # how lines of pings became scans
     turn_rates: "TurnRates | None"  # of the recordings' own IMU
 
     @property
     def files(self) -> list[Path]:
-        """All that are read: scans, navigation, and what a person says."""
+        """All files that are read: scans, navigation, ties and control points."""
         values = [self.settings[name] for name in ("priors", "odometry", "ties", "control") if name in self.settings]
-        said = [Path(each) for value in values for each in (value if isinstance(value, list) else [value])]
-        return [*self.read.files, *said]
+        others = [Path(path) for value in values for path in (value if isinstance(value, list) else [value])]
+        return [*self.read.files, *others]
 
 
 @dataclass(frozen=True, slots=True)
 class Telling:
-    """How a run says what it does and what came of it."""
+    """How a run prints its progress and results."""
 
     start: float  # by the monotonic clock [s]
     as_json: bool
@@ -100,7 +100,7 @@ class Telling:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing but results, warnings and errors is said."""
+        """Whether only results, warnings and errors are printed."""
         return self.quiet or self.as_json
 
 
@@ -136,19 +136,19 @@ def command(
 
     OUT gets map.ply, map.png, trajectory.tum, graph.g2o, graph.json, pairs.csv, summary.json and report.html, which
     `sonarmap view OUT` opens: the map in 3D, with its loops and uncertainty.
-    The scans of each folder are one survey. Surveys of the same place are joined where their scans look alike; each
-    also gets a map of its own, map_survey_0.ply and so on. What one scan alone saw and others contradict, a false
-    echo, is in map_all.ply alone.
+    The scans of each folder are one survey. Surveys of the same place are joined by matching scans; each also gets a
+    map of its own, map_survey_0.ply and so on. False echoes, which only one scan saw and others contradict, are only in
+    map_all.ply.
 
-    Where the registration of a pair fails, mapping goes on. Scans that nothing joins to the rest become a part of their
-    own: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, if a scan could
-    not be read and was skipped, if a pair ended by an error of the method instead of what its scans show, or if scans
-    contradict the priors as a whole. The files of an earlier run in OUT are replaced only when everything is done.
+    If the registration of a pair fails, mapping continues. Scans that cannot be joined to the rest become separate
+    parts: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, if a scan was
+    skipped because it could not be read, if a pair failed by an error of the method rather than by its scans, or if the
+    scans contradict the priors as a whole. Files of an earlier run in OUT are replaced only at the end.
 
     Every finished pair is stored in OUT/journal.sqlite: the same command continues a run that was stopped, and if scans
-    were added it registers only the new pairs. times.json says how long the run took.
+    were added it registers only the new pairs. times.json has the run's times.
 
-    --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
+    --export also writes the map for other programs. `sonarmap export` does so later, without another run of `map`.
     """
     from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
     from sonarmap.tools.files.readers.pings.line_file import way_within
@@ -200,8 +200,8 @@ def check_options(
     stamps: Sequence[float] = (),
     later: bool = True,
 ) -> None:
-    """Refuse what cannot be done before hours of scans are read, or come; `files` are the options that name them, and
-    what goes with these, the others are of `MapOutput.export_settings`."""
+    """Refuse impossible options before scans are read or received. `files` are the options of files that were given;
+    `stamps` and `later` are those of `MapOutput.export_settings`."""
     for needed, option in (("priors", "prior_sigmas"), ("odometry", "odometry_drift"), ("control", "control_crs")):
         if needed not in files:
             refuse_without(f"--{needed}", {f"--{option.replace('_', '-')}": files.get(option)})
@@ -221,7 +221,7 @@ def _require_files(files: Mapping[str, Any]) -> None:
 def _map_and_tell(
     survey: SurveyInput, execution: ExecutionOptions, output: MapOutput, exports: "ExportSettings", telling: Telling
 ) -> bool:
-    """Write the map's folder and what is made of it, and say what came of it; whether the map is whole."""
+    """Make and write the map with its report and exports, and print the results; return whether the map is whole."""
     require_writable(output.out)
     with locked(output.out, writing=True):  # until its last file is written
         mapped = _map(survey, execution, output, telling.silent)
@@ -229,7 +229,7 @@ def _map_and_tell(
             if survey.read.patches and survey.georeference is not None:
                 give_back(mapped, survey.read.patches, survey.georeference, survey.lines, exports.crs, telling.silent)
             _write_report_and_exports(mapped, output.report, exports, telling.silent)
-        finally:  # the map is there, whatever its report and export came to
+        finally:  # the map exists, even if its report or export failed
             if not telling.as_json:
                 print_mapped(mapped, time.monotonic() - telling.start, telling.verbose)
     if telling.as_json:
@@ -241,7 +241,7 @@ def _map_and_tell(
 def _read_scans(
     inputs: list[str], priors: list[Path], corrections: "Corrections", out: Path, quiet: bool
 ) -> "ReadScans":
-    """The scans that can be read, and a warning for each that cannot."""
+    """Read the scans, and warn of those that cannot be read."""
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import read_survey
 
@@ -261,7 +261,7 @@ def _read_scans(
 def _navigate(
     read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool, heading: float | None
 ) -> "tuple[ReadScans, Georeference | None]":
-    """The scans with what instruments measured of them, and where the map lies on the Earth by that."""
+    """The scans with their priors, and the map's place on the Earth by the navigation."""
     if read.patches and use_imu:
         navigated = navigated_lines(read, priors, navigation)
     else:
@@ -281,7 +281,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out
     prepared = prepared_limit(method.registrar, options.processes)
-    inputs = input_rows(survey.files)  # now: while the scans are mapped, files may change
+    inputs = input_rows(survey.files)  # before mapping, as the files may change meanwhile
     with open_execution(method, prepared, options, out / JOURNAL, quiet) as execution:
         mapper = Mapper(method.registrar, method.grid.voxel, settings["mapper"], execution)
         with growing_progress("mapping", quiet) as step:
@@ -308,14 +308,14 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
 
 
 def _write_report_and_exports(mapped: Mapped, report: bool, exports: "ExportSettings", quiet: bool) -> None:
-    """Write what is made of the finished map: its report, and the formats of --export."""
+    """Write the report and the exports of a finished map."""
     from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.files.map_folder.names import REPORT
     from sonarmap.tools.products.report.page import write_report
 
     out = mapped.out
-    written_summary(out)  # a folder that was removed meanwhile is better named so than as the report would
-    with when_stopped(lambda: f"the map is in {out}, but not all that is made of it"):
+    written_summary(out)  # raises the clearest error if the folder was removed
+    with when_stopped(lambda: f"the map is in {out}, but its report and exports are not complete"):
         if report:
             with stage("report", quiet):
                 write_report(read_map_folder(out))

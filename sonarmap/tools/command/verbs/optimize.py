@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 NOT_CONVERGED = 3
 OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given")
-MOST_REPAIRED, MOST_REJECTED = 10, 20  # edges that the warnings and the table list
+MOST_REPAIRED, MOST_REJECTED = 10, 20  # edges listed by the warnings and by the table
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
 
 
@@ -39,11 +39,11 @@ def command(
     robust: bool = OPTIMIZATION.flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o."),
     repair: bool = OPTIMIZATION.flag(
         "--repair",
-        "Make all information matrices positive definite. Says which were not: eigenvalues below a millionth of the "
-        "largest are raised to it. OUT.g2o holds the repaired ones.",
+        "Make all information matrices positive definite: eigenvalues below a millionth of the largest are raised to "
+        "it. Warnings name the edges, and OUT.g2o has the repaired matrices.",
     ),
     both: bool = OPTIMIZATION.flag(
-        "--both", "Also solve the other objective. Prints how far its solution is from this one."
+        "--both", "Also solve the other objective, and print the distance between the solutions."
     ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -97,7 +97,7 @@ def command(
 
 
 def _print(report: dict[str, Any], robust: bool, out: Path) -> None:
-    """The optimized graph in words, by the report that --json prints; `robust` if wrong edges were looked for."""
+    """Print the report of --json in words; `robust`: wrong edges were rejected."""
     rejected = [loop for loop in report["loops"] if loop["verdict"] == "rejected"]
     if rejected:
         _print_rejected(rejected)
@@ -113,7 +113,7 @@ def verdict(report: dict[str, Any], robust: bool) -> str:
     if not report["converged"]:
         return f"Not converged: after {report['iterations']} iterations the poses are the best so far, not the optimum."
     if freedom == 0:
-        return "There is nothing that could contradict: every pose follows from one edge."
+        return "The edges cannot contradict each other: every pose follows from one edge."
     beyond = (chi_squared - freedom) / math.sqrt(2 * freedom)
     if beyond > _USUAL:
         advice = "their sigmas may be too small" if robust else "--robust finds wrong edges and leaves them out"

@@ -1,4 +1,4 @@
-"""`sonarmap record`: what a Sonar 3D-15 sends, from the network to a file."""
+"""`sonarmap record`: record a Sonar 3D-15 from the network to a file."""
 
 import re
 import signal
@@ -25,7 +25,7 @@ _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0}
 
 
 def _seconds(text: str) -> float:
-    """Of a duration in words; 0 for one that is none."""
+    """Seconds of a duration such as 10m; 0 for invalid text."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", text, re.ASCII)
     return float(match[1]) * _UNITS[match[2]] if match else 0.0
 
@@ -39,7 +39,7 @@ def _require_address(text: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Listening:
-    """Where packets come in, and for how long."""
+    """Options of receiving packets: addresses and duration."""
 
     multicast: str | None = INPUT.option("GROUP:PORT", "Multicast group to listen to.", shown="224.0.0.96:4747")
     unicast: str | None = INPUT.option(
@@ -48,7 +48,7 @@ class Listening:
         "in the sonar's settings.",
     )
     interface: str | None = INPUT.option(
-        "NAME", "Network interface to listen at, by its name or address.", rare=True, shown="all"
+        "NAME", "Network interface to listen on, by name or address.", rare=True, shown="all"
     )
     sonar: str | None = INPUT.option(
         "ADDRESS",
@@ -58,7 +58,7 @@ class Listening:
     )
     duration: str | None = RUNNING.option(
         "TIME",
-        "End after so long: 90 (s), 10m, 1.5h.",
+        "End after this time: 90 (s), 10m, 1.5h.",
         callback=checked(
             lambda text: _seconds(text) > 0,
             "{!r}; give seconds, minutes or hours above 0, as in --duration 90, 10m or 1.5h.",
@@ -68,18 +68,18 @@ class Listening:
 
     @property
     def source(self) -> "Source":
-        """Where packets come in."""
+        """The addresses to listen at."""
         from sonarmap.tools.command.record.receiver import source_of
 
         return source_of(self.multicast, self.unicast, self.interface)
 
     @property
     def seconds(self) -> float | None:
-        """How long; None for no end but the one that is asked for."""
+        """Duration [s]; None to record until Ctrl-C."""
         return None if self.duration is None else _seconds(self.duration)
 
     def as_options(self) -> list[str]:
-        """The same as a command line gives it, but for how long."""
+        """The same as words of a command line, without the duration."""
         given = {name: getattr(self, name) for name in ("multicast", "unicast", "interface", "sonar")}
         return [word for name, value in given.items() if value is not None for word in (f"--{name}", value)]
 
@@ -93,10 +93,10 @@ def command(
 ) -> None:
     """Record what a Sonar 3D-15 sends over the network.
 
-    It ends with Ctrl-C or --duration. It only listens; the sonar is set up on its own web page. Each second it says how
-    many packets come, how many are missing, how the sonar's clock compares with this computer's, whether the IMU is
-    recorded, and how long the disk lasts. Until the end the file is called FILE.part.sonar; a crash or a full disk
-    leaves it so, and it can be read. The exit code is 3 if nothing came.
+    It ends with Ctrl-C or --duration. It only listens; the sonar is configured on its own web page. Each second it
+    prints how many packets arrive and are missing, the offset of the sonar's clock, whether the IMU is recorded, and
+    how long the disk lasts. Until the end the file is called FILE.part.sonar; it remains after a crash or on a full
+    disk, and can be read. The exit code is 3 if no packet was received.
     """
     from sonarmap.tools.command.record.recorder import RecordSettings, record
     from sonarmap.tools.command.record.words import Watch, end_lines, status_lines
@@ -115,7 +115,7 @@ def command(
     if as_json:
         print_json(in_json(status))
     if not status.tally.packets:
-        warn(f"nothing came in {status.seconds:.0f} s at {source.words}, and there is no file")
+        warn(f"no packet was received in {status.seconds:.0f} s at {source.words}; no file was written")
         raise typer.Exit(NOTHING_CAME)
     if not as_json:
         for line in end_lines(status):
@@ -125,20 +125,20 @@ def command(
 
 @contextmanager
 def ending(after: float | None = None) -> Iterator[Event]:
-    """An event that Ctrl-C, SIGTERM and a closed terminal set, or that comes `after` so long [s]; what nohup or the
-    shell ignores stays ignored."""
+    """An event that Ctrl-C, SIGTERM and a closed terminal set, or the time `after` [s]. Signals that nohup or the shell
+    ignores stay ignored."""
     stop = Event()
     timer = Timer(after or 0.0, stop.set)
     if after is not None:
         timer.daemon = True
         timer.start()
     before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    heard = [each for each, previous in before.items() if previous != signal.SIG_IGN]
-    for each in heard:
+    handled = [each for each, previous in before.items() if previous != signal.SIG_IGN]
+    for each in handled:
         signal.signal(each, lambda *_: stop.set())
     try:
         yield stop
     finally:
         timer.cancel()
-        for each in heard:
+        for each in handled:
             signal.signal(each, before[each])

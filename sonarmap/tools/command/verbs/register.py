@@ -29,7 +29,7 @@ UNRELIABLE = 3
 
 
 def command(
-    target: Annotated[str, typer.Argument(help="The scan that stays where it is.", metavar="TARGET")],
+    target: Annotated[str, typer.Argument(help="The scan that is not moved.", metavar="TARGET")],
     source: Annotated[str, typer.Argument(help="The scan that is moved onto the target.", metavar="SOURCE")],
     method: MethodOptions,
     priors: PriorsFile,
@@ -75,7 +75,7 @@ def command(
 
 
 def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) -> "list[Scan]":
-    """The scan of each path; a moved scan that would replace a file of them, or cannot be written, is refused."""
+    """Read the scan of each path; refuse an output that would replace one of their files, or cannot be written."""
     from sonarmap.tools.files.readers.scans import only_scan, read_scans
     from sonarmap.tools.files.writers.atomic import require_writable
 
@@ -95,8 +95,8 @@ def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) 
 
 
 def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> None:
-    """Write a scan in the frame of another [m], its strengths as `intensity` and its viewpoints as vp_x, vp_y and vp_z.
-    p_target = T p_source."""
+    """Write a scan in the target's frame [m] as PLY, its strengths as `intensity` and its viewpoints as vp_x, vp_y and
+    vp_z. p_target = T p_source."""
     from sonarmap.tools.files.writers.points import write_ply
 
     moved = moved_scan(scan, T_target_source)
@@ -107,7 +107,7 @@ def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> 
 
 
 def moved_scan(scan: "Scan", T_target_source: "RigidTransform") -> "Scan":
-    """The scan with its points and viewpoints [m] in the target's frame; without its prior, which was of its own."""
+    """The scan with points and viewpoints [m] in the target's frame, without its prior, which was of its own frame."""
     points, viewpoints = (
         None if places is None else T_target_source.apply(places.astype(float)).astype(places.dtype)
         for places in (scan.points, scan.viewpoints)
@@ -117,7 +117,7 @@ def moved_scan(scan: "Scan", T_target_source: "RigidTransform") -> "Scan":
 
 
 def _as_json(registration: "Registration", method: ConfiguredMethod, written: Path | None = None) -> dict[str, object]:
-    """The registration as JSON; null for what the method does not have, such as a peak or a grid."""
+    """The registration as JSON; null for values that the method lacks, as a peak or a grid."""
     return _hypothesis(registration) | {
         "accepted": registration.accepted,
         "seconds": registration.seconds,
@@ -132,7 +132,7 @@ def _as_json(registration: "Registration", method: ConfiguredMethod, written: Pa
 
 
 def _hypothesis(registration: "Registration") -> dict[str, object]:
-    """What is known of every transform, also of one that could not be excluded."""
+    """The JSON that registrations and their alternatives have in common."""
     return {
         "T_target_source": registration.T_target_source.as_matrix(),
         "covariance": registration.covariance,
@@ -142,16 +142,16 @@ def _hypothesis(registration: "Registration") -> dict[str, object]:
     }
 
 
-# for each axis of the target's sensor (x forward, y left, z up) the word for more and for less than 0
+# words for values above and below 0 along the axes of the target's sensor (x forward, y left, z up)
 _PLACES = (("forward", "back"), ("left", "right"), ("up", "down"))
-# and for the turns about z, y and x, all right-handed
+# and for right-handed rotations about z, y and x
 _TURNS = (("to the left (yaw)", "to the right (yaw)"), ("nose down (pitch)", "nose up (pitch)"))
 _TURNS += (("right side down (roll)", "left side down (roll)"),)
-_LEAST_M, _LEAST_DEG = 0.0005, 0.005  # what is less would be printed as 0
+_LEAST_M, _LEAST_DEG = 0.0005, 0.005  # smaller values would be printed as 0
 
 
 def print_registration(registration: "Registration", method: ConfiguredMethod) -> None:
-    """The verdict in the first line, the transform, its standard deviations, and the evidence."""
+    """Print the verdict, the transform, its standard deviations, and the evidence."""
     from rich.text import Text
 
     typer.echo(_verdict(registration))
@@ -166,10 +166,10 @@ def print_registration(registration: "Registration", method: ConfiguredMethod) -
 
 
 def transform_words(T_target_source: "RigidTransform") -> str:
-    """Where the source's sensor was, seen from the target's: "3.212 m forward and 0.021 m down" and so on. p_target = T
+    """A sentence about the source's sensor seen from the target's, as "3.212 m forward and 0.021 m down". p_target = T
     p_source [m], both frames x forward, y left, z up."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # where it looks straight up or down, yaw and roll are one turn
+        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: with pitch ±90° yaw and roll are one rotation
         turns = T_target_source.rotation.as_euler("ZYX", degrees=True)
     places = _named(T_target_source.translation.tolist(), _PLACES, "{:.3f} m", _LEAST_M)
     angles = _named(turns.tolist(), _TURNS, "{:.2f}°", _LEAST_DEG)
@@ -180,7 +180,7 @@ def transform_words(T_target_source: "RigidTransform") -> str:
 
 
 def _named(values: list[float], words: tuple[tuple[str, str], ...], number: str, least: float) -> str:
-    """The values with their directions, "3.21 m forward and 0.40 m left"; those that would be printed as 0 left out."""
+    """The values with their directions, "3.21 m forward and 0.40 m left", without those that would be printed as 0."""
     named = [
         f"{number.format(abs(value))} {more if value > 0 else less}"
         for value, (more, less) in zip(values, words, strict=True)
@@ -198,7 +198,7 @@ def _verdict(registration: "Registration") -> str:
 
 
 def _rows(registration: "Registration", method: ConfiguredMethod) -> dict[str, str]:
-    """What speaks for the transform and against it, by name."""
+    """The evidence for and against the transform, by name."""
     from sonarmap.slam.graph.tangent import worst_sigmas
 
     rotation, translation = worst_sigmas(registration.covariance)
@@ -214,7 +214,7 @@ def _rows(registration: "Registration", method: ConfiguredMethod) -> dict[str, s
 
 
 def _others(registration: "Registration") -> dict[str, str]:
-    """How many other transforms are possible, if the method says so."""
+    """A row about other possible transforms; none if the method does not estimate probabilities."""
     count = len(registration.alternatives)
     if not math.isfinite(registration.probability) or not (count or registration.accepted):
         return {}

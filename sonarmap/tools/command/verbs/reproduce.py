@@ -51,8 +51,8 @@ NameArgument = Annotated[
 FolderArgument = Annotated[
     Path | None,
     typer.Argument(
-        help="For real: a folder with scans and a gt.log, or a folder of such folders. For decisions: where "
-        "registrations are kept.",
+        help="For real: a folder with scans and a gt.log, or a folder of such folders. For decisions: the "
+        "folder of stored registrations.",
         metavar="DIR",
         show_default=False,
     ),
@@ -61,11 +61,11 @@ FolderArgument = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class ExperimentOptions:
-    """What is asked of the experiments; None leaves it to each. The names are those of `Request`."""
+    """Options of the experiments, with the names of `Request`'s fields; None for an experiment's own default."""
 
     quick: bool = EXPERIMENT.flag(
         "--quick",
-        "Take at most a minute for each experiment. There are fewer scenes, seeds, pairs and voxels, unless given.",
+        "Take at most a minute for each experiment, with fewer scenes, seeds, pairs and voxels unless given.",
     )
     scene: str | None = _rare(
         "SCENE",
@@ -85,7 +85,7 @@ class ExperimentOptions:
     seeds: int | None = _rare("N", "Number of seeds.", min=1)
     set: list[str] | None = _rare(
         "NAME",
-        "For pairs: overlap (of every overlap), paths (Table 1, extended) or unrelated; may be repeated.",
+        "For pairs: overlap (all overlaps), paths (Table 1, extended) or unrelated; may be repeated.",
         callback=checked(lambda names: PAIR_SETS.keys() >= {*names}, f"{{}}; choose from {', '.join(PAIR_SETS)}"),
         autocompletion=completes(PAIR_SETS),
         shown="all",
@@ -101,7 +101,7 @@ class ExperimentOptions:
         autocompletion=completes(METHODS),
     )
     grid: int | None = EXPERIMENT.option(
-        "N", "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.", shown="the experiment's"
+        "N", "Voxels per edge, 16..512: an even product of 2, 3 and 5.", shown="the experiment's"
     )
     voxel: VoxelOption = None
     max_tilt: float | None = _rare(
@@ -112,22 +112,22 @@ class ExperimentOptions:
     )
     known: str | None = _rare(
         "WHAT",
-        "For real: also register every pair with measurements of WHAT, drawn about the truth: "
+        "For real: also register every pair with measurements of WHAT, simulated from the truth: "
         "attitude,heading,depth,position, or some of them (to 1.5 deg, 3 deg, 0.15 m, 3 m).",
         autocompletion=completes_list(INSTRUMENTS),
     )
     write: bool = EXPERIMENT.flag(
-        "--write", "For confidence: store what was fitted in the package, which uses it from then on."
+        "--write", "For confidence: store the fitted model in the package, which then uses it."
     )
 
 
 @dataclass(frozen=True, slots=True)
 class ExperimentRun:
-    """Where results go, and who makes them."""
+    """Options of the folder for results and of the processes."""
 
     out: Path = OUTPUT.option(
         "OUT",
-        "Folder for the results. A stopped run continues from what is there.",
+        "Folder for the results. A stopped run continues from its finished jobs.",
         Path("reproduction"),
         "-o",
         "--out",
@@ -149,12 +149,12 @@ def command(
 ) -> None:
     """Run the paper's experiments, or evaluations of methods.
 
-    An experiment on simulated scans is one of the paper's, to compare our numbers with the paper's, or one of this
-    project's evaluations, to compare methods. 'reproduce real DIR' compares methods on your own scans.
+    Experiments on simulated scans are the paper's, to compare our numbers with its numbers, or this project's
+    evaluations of methods. 'reproduce real DIR' compares methods on your own scans.
 
     OUT gets NAME.csv with every row, NAME.md with the tables, NAME.png with a figure, and the times in
-    NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command continues where it stopped;
-    finished jobs are kept in OUT/journal.sqlite.
+    NAME-seconds.csv, NAME-times.md and NAME.json. The same command continues a run that was stopped; finished jobs are
+    kept in OUT/journal.sqlite.
     """
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
@@ -166,13 +166,13 @@ def command(
         Grid(options.grid, 1.0)
     several = {name: _each_once(getattr(options, name)) for name in ("sigma2", "set", "method")}
     # pyrefly: ignore[bad-argument-type]
-    asked = Request(folder=folder, **{**asdict(options), **several, "write": options.write or None})
-    names = chosen(name, asked)
+    request = Request(folder=folder, **{**asdict(options), **several, "write": options.write or None})
+    names = chosen(name, request)
     require_writable(run.out)
     opened = choose_device(device)
     for note in opened.notes:
         say(note)
-    job = ExperimentJob(replace(asked, device=opened), run, quiet or as_json)
+    job = ExperimentJob(replace(request, device=opened), run, quiet or as_json)
     records = [_reproduce(experiment, job, printed=not as_json) for experiment in names]
     if as_json:
         print_json(_as_json(records, run.out), indent=2)
@@ -184,10 +184,10 @@ def _each_once(values: Sequence[Any] | None) -> tuple[Any, ...] | None:
 
 @dataclass(frozen=True, slots=True)
 class ExperimentJob:
-    """Experiments that are asked for."""
+    """What a run of experiments has in common."""
 
-    request: Request  # what is asked of them, with the device
-    run: ExperimentRun  # where results go, and who makes them
+    request: Request  # options of the experiments, with the device
+    run: ExperimentRun  # folder and processes
     silent: bool  # print no progress
 
     def say(self, text: str) -> None:
@@ -197,7 +197,7 @@ class ExperimentJob:
 
 
 def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
-    """Run one experiment and write its files; its memory on the device is freed before the next."""
+    """Run an experiment and write its files; its device memory is freed before the next."""
     from sonarmap.tools.lab.reproduce.folder import write_experiment
     from sonarmap.tools.lab.reproduce.run import RunOptions, provenance, run
 
@@ -217,7 +217,7 @@ def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
 
 
 def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
-    """The processes for an experiment; None for this process alone."""
+    """The worker processes of an experiment; None for this process alone."""
     from sonarmap.tools.lab.reproduce.experiments import WorkerProcesses
 
     if job.run.workers == 1:

@@ -1,4 +1,4 @@
-"""`sonarmap section`, a finished map cut along a line, and `volume`, what lies between it and a plane or a map."""
+"""`sonarmap section`: a map cut along a line; `sonarmap volume`: cut and fill between a map and a plane or map."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,23 +17,23 @@ from sonarmap.tools.products.export.formats import HEIGHTS
 if TYPE_CHECKING:
     from sonarmap.tools.products.section import Coordinates, PlacedMap
 
-_VOXELS = 2  # to either side, where --width is not given
+_VOXELS = 2  # default of --width
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """Where the map is cut, and how thick the cut is."""
+    """Options of the line along which the map is cut."""
 
-    start: str = INPUT.option("X,Y", "Where the line begins, in the map's frame \\[m].", REQUIRED, "--from")
-    end: str = INPUT.option("X,Y", "Where it ends.", REQUIRED, "--to")
-    world: bool = INPUT.flag("--world", "The places are easting, northing of the map's CRS. --crs is another one.")
-    degrees: bool = INPUT.flag("--degrees", "The places are latitude, longitude, WGS84.")
-    width: float | None = INPUT.length("How far to either side of the line points count \\[m].", "two voxels")
+    start: str = INPUT.option("X,Y", "Start of the line, in the map's frame \\[m].", REQUIRED, "--from")
+    end: str = INPUT.option("X,Y", "End of the line.", REQUIRED, "--to")
+    world: bool = INPUT.flag("--world", "--from and --to are easting, northing in the map's CRS or in --crs.")
+    degrees: bool = INPUT.flag("--degrees", "--from and --to are latitude, longitude, WGS84.")
+    width: float | None = INPUT.length("Use points within this distance of the line, on each side \\[m].", "two voxels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SectionFiles:
-    """What is written."""
+    """Options of the output files."""
 
     out: Path = OUTPUT.option(
         "FILE", "NAME.png: picture and tables; NAME.csv: the tables alone.", REQUIRED, "-o", "--out"
@@ -58,8 +58,8 @@ def command(
 ) -> None:
     """Cut a finished MAP along a line: a picture of distance against height, and tables of points and of a profile.
 
-    NAME.csv has every point near the line, NAME_profile.csv the median in cells along it. A line whose places are x, y
-    of the map's frame needs nothing more; where the map lies on the Earth, --world or --degrees take its coordinates.
+    NAME.csv has every point near the line, NAME_profile.csv the median in cells along it. --from and --to are x, y in
+    the map's frame, or with --world or --degrees coordinates on the Earth, if the map's place is known.
     """
     import numpy as np
 
@@ -126,7 +126,7 @@ def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coo
     if world is None:
         name = "--world" if line.world else "--degrees"
         raise InputError(
-            f"{name} needs a map whose place on the Earth is known, which that of {placed.path} is not; give --origin "
+            f"{name} needs the place on the Earth of {placed.path}, which is not known; give --origin "
             f"LAT,LON too, or leave {name} out and give x,y of the map's frame"
         )
     return world if line.world else Coordinates(placed.georeference)
@@ -134,7 +134,7 @@ def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coo
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What the map is compared to."""
+    """Options of what the map is compared with, and how."""
 
     level: float | None = INPUT.option(
         "Z", "Height of a plane \\[m].", callback=checked(math.isfinite, "--level is {}; wanted a height in meters")
@@ -142,9 +142,9 @@ class Target:
     same_frame: bool = INPUT.flag("--same-frame", SAME_FRAME)
     cell: float | None = INPUT.length("Edge of a cell of both grids \\[m].", CELL)
     height: str = INPUT.choice(
-        "Height of a cell: top, mean or shoalest, as of `export`. top is the mean of its uppermost surface.", HEIGHTS
+        "Height of a cell, as for `export`: top (mean of its uppermost surface), mean or shoalest.", HEIGHTS
     )
-    min_seen: int = INPUT.option("N", "Count points that at least N scans saw.", 1, min=1)
+    min_seen: int = INPUT.option("N", "Use points that at least N scans saw.", 1, min=1)
 
 
 def volume(
@@ -158,8 +158,8 @@ def volume(
 ) -> None:
     """Compute cut and fill to a plane or another map, with sigmas.
 
-    Cut is what lies above the plane, or was lost; fill what is missing below it, or was gained. Surfaces are compared
-    where both were seen; the area that only one of two maps shows is printed beside.
+    Cut is the volume above the plane, or lost; fill the volume missing below it, or gained. Surfaces are compared where
+    both were seen; the areas seen by only one of two maps are printed too.
     """
     from sonarmap.tools.products.export.grid import default_cell
     from sonarmap.tools.products.section import volume_between, volume_to_level
@@ -195,12 +195,12 @@ def volume(
     if other is not None:
         print_result(
             f"{volume.map_only:,.1f} m2 are in {source} alone and {volume.target_only:,.1f} m2 in {other} alone: "
-            "of these nothing is known"
+            "these were not compared"
         )
 
 
 def _opened(path: Path, least: int) -> "PlacedMap":
-    """The largest part of a map, with the points that so many scans saw."""
+    """The largest part of a map, with the points that at least `least` scans saw."""
     from sonarmap.tools.products.section import PlacedMap
 
     placed = PlacedMap.of(open_map(path))

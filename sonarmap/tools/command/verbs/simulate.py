@@ -1,4 +1,4 @@
-"""`sonarmap simulate`: scans of a known scene, with their true poses."""
+"""`sonarmap simulate`: simulated scans of a scene, with their true poses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ def _listed(kinds: dict[str, str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedScans:
-    """What is simulated; None leaves the default."""
+    """Options of the scene, the trajectory and the sensor; None for the default."""
 
     scene: str | None = SCENE.option(
         "NAME",
@@ -54,7 +54,7 @@ class SimulatedScans:
     )
     scans: int | None = SCENE.option("N", "Number of scans.", shown="survey 12, lawnmower 200", min=1)
     spacing: float | None = SCENE.option(
-        "M", "Distance between scans \\[m]. It is for a survey or lawnmower.", shown="suits the scene"
+        "M", "Distance between scans of a survey or lawnmower \\[m].", shown="suits the scene"
     )
     sensor: str | None = SCENE.option(
         "NAME",
@@ -81,9 +81,9 @@ class SimulatedScans:
 
 @dataclass(frozen=True, slots=True)
 class EchoNoise:
-    """What is wrong with the echoes; None leaves what suits the sensor."""
+    """Options of the noise; None for the sensor's default."""
 
-    sigma2: float | None = NOISE.option("V", "Variance of range noise \\[m^2]. It is that at the largest range.")
+    sigma2: float | None = NOISE.option("V", "Variance of range noise at the largest range \\[m^2].")
     outliers: float | None = NOISE.option("P", "Share of false echoes, 0..1.")
     dropouts: float | None = NOISE.option("P", "Share of lost echoes, 0..1.")
     settings: list[str] = NOISE.option(
@@ -97,11 +97,11 @@ class EchoNoise:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedNavigation:
-    """What instruments and dead reckoning say."""
+    """Options of simulated instruments and dead reckoning."""
 
     priors: str | None = NAVIGATION.option(
         "KINDS",
-        "Also write priors.csv, what these instruments would measure: attitude,heading,depth,position, some of them, "
+        "Also write priors.csv with measurements of these instruments: attitude,heading,depth,position, some of them, "
         "or all.",
         autocompletion=completes_list(INSTRUMENTS),
     )
@@ -122,17 +122,17 @@ class SimulatedNavigation:
 
     @property
     def kinds(self) -> Sequence[str]:
-        """What is measured; none without priors."""
+        """The instruments of --priors; none without it."""
         if self.priors is None:
             return ()
         return INSTRUMENTS if self.priors == "all" else [kind.strip() for kind in self.priors.split(",")]
 
     def fixes(self) -> "Fixes":
-        """How positions are fixed; what says so is refused where nothing measures them."""
+        """How positions are fixed; the options for it are refused without --priors position."""
         from sonarmap.tools.lab.simulate.sensing.navigation import Fixes
 
-        said = (self.fix_every, self.fix_outliers, self.fix_sigma)
-        if any(value is not None for value in said) and "position" not in self.kinds:
+        options = (self.fix_every, self.fix_outliers, self.fix_sigma)
+        if any(value is not None for value in options) and "position" not in self.kinds:
             raise InputError(
                 "--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position; give it, "
                 "or leave them out"
@@ -140,13 +140,13 @@ class SimulatedNavigation:
         return Fixes(self.fix_every or 1, self.fix_outliers or 0.0)
 
     def drift(self) -> tuple[float, float] | None:
-        """Of the dead reckoning: a share of the way, and a rate of turn; None without any."""
+        """Drift of dead reckoning: a share of the distance, and a rotation per second [rad/s]; None without it."""
         from sonarmap.tools.files.readers.navigation.odometry import parse_drift
 
         return None if self.odometry_drift is None else parse_drift(self.odometry_drift, "--odometry-drift")
 
     def measured(self) -> "Instruments | None":
-        """What measures the poses; None for nothing."""
+        """The instruments with their errors; None without --priors."""
         from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for
 
         return instruments_for(self.kinds, self.fix_sigma) if self.kinds else None
@@ -189,13 +189,13 @@ def command(
 
 
 def _settings(scans: SimulatedScans) -> "SimulationSettings":
-    """The settings except noise and number of scans; options without effect are refused."""
+    """The settings without the changes by --scans, --spacing, --dive and noise; refuses options without effect."""
     from sonarmap.tools.lab.simulate.folder import read_settings
     from sonarmap.tools.lab.simulate.plan import plan
 
     if scans.like is not None:
-        settled = {name: getattr(scans, name) for name in ("scene", "trajectory", "sensor", "seed")}
-        if conflicting := given(settled):
+        fixed = {name: getattr(scans, name) for name in ("scene", "trajectory", "sensor", "seed")}
+        if conflicting := given(fixed):
             flags = ", ".join(f"--{name}" for name in conflicting)
             raise InputError(
                 f"--like takes scene, trajectory, sensor and seed from {scans.like}; leave out {flags}, or leave out "

@@ -145,7 +145,7 @@ def test_what_comes_over_the_network_is_recorded_and_mapped(swim: list[bytes], t
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("nowhere",), "nowhere does not exist; name what is being written"),
+        (("nowhere",), "nowhere does not exist; name a growing recording"),
         (("scan.ply",), "scan.ply is neither a folder nor a recording that may grow (.sonar, .mcap); give --replay 1"),
         (("--replay", "0"), "--replay needs finished scans"),
         (("--bind", "192.0.2.7", "--duration", "9"), "192.0.2.7 cannot be used for the page"),

@@ -153,7 +153,7 @@ def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None
     [
         ((), "wanted OLD and NEW, or --surveys"),
         (("new", "--surveys"), "leave NEW out"),
-        (("--surveys",), "is of one survey"),
+        (("--surveys",), "has one survey"),
         (("--surveys", "--same-frame"), "--same-frame has no effect"),
         (("new", "--reach", "0"), "above 0"),
         (("new", "--crs", "EPSG:32632"), "--crs has no effect"),

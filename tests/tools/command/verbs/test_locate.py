@@ -128,7 +128,7 @@ def test_from_python(mapped: Path, scans: list[str]) -> None:
     ("options", "words"),
     [
         (("-o", "track.csv"), "ends in .tum"),
-        (("--priors", "nav.csv"), "whose frame no instrument measured"),
+        (("--priors", "nav.csv"), "was not measured by instruments"),
         (("--prior-sigmas", "1,1,1,1"), "without --priors"),
         (("--crs", "EPSG:32632"), "a map whose place is not known"),
         (("--origin", "60"), "latitude and longitude"),
