@@ -56,7 +56,7 @@ def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
     """Report an error, and return the exit code. `written` are the files that were completed before."""
     match error:
         case KeyboardInterrupt():
-            message = what_became(error) or _written(written)
+            message = _note_of(error) or _written(written)
             say(message, STOPPED, "bold yellow")
             print_failure(STOPPED + message, INTERRUPTED, as_json)
             return INTERRUPTED
@@ -181,11 +181,11 @@ def when_stopped(words: Callable[[], str]) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as stop:
-        if not what_became(stop):
+        if not _note_of(stop):
             stop.add_note(words())
         raise
 
 
-def what_became(stop: KeyboardInterrupt) -> str:
+def _note_of(stop: KeyboardInterrupt) -> str:
     """The note of `when_stopped`; "" without one."""
     return " ".join(getattr(stop, "__notes__", ()))

@@ -259,8 +259,8 @@ def _config_changes(options: MethodOptions) -> dict[str, Any]:
     from sonarmap.spectral.hemisphere import HemisphereConfig
     from sonarmap.spectral.registration import SpectralConfig
 
-    usual = HemisphereConfig() if options.method == "hemisphere" else SpectralConfig()
-    config = changed(usual, options.settings)
+    default = HemisphereConfig() if options.method == "hemisphere" else SpectralConfig()
+    config = changed(default, options.settings)
     changes = {name: getattr(config, name) for name in (text.partition("=")[0] for text in options.settings)}
     return changes | ({} if options.max_tilt is None else {"max_tilt": math.radians(options.max_tilt)})
 

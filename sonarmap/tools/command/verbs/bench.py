@@ -20,7 +20,7 @@ UNRELIABLE = 3
 
 def command(
     grid: list[int] | None = MEASUREMENT.option(
-        "N", "Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.", shown="64, 128 and 256"
+        "N", "Voxels per edge, 16..512: even products of 2, 3 and 5; may be repeated.", shown="64, 128 and 256"
     ),
     repeats: int = MEASUREMENT.option("R", "Number of timed runs of each kernel.", 15, min=1),
     pairs: int = MEASUREMENT.option("P", "Simulated pairs to register; 0 is none.", 20, min=0),

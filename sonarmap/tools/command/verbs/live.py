@@ -169,24 +169,24 @@ def _follow(
     from sonarmap.tools.products.live.server import LivePage
 
     out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
-    decides = [settings.corrections, settings.method, settings.mapper]
-    with ExitStack() as beside:
-        beside.enter_context(kept_for(out, (*settings.inputs, *onto), decides))
-        navigation = None if live.nmea is None else beside.enter_context(NavigationLog(live.nmea, out))
-        stop = beside.enter_context(ending(seconds))
-        page = beside.enter_context(LivePage(live.bind, live.port))
+    kept_settings = [settings.corrections, settings.method, settings.mapper]
+    with ExitStack() as stack:
+        stack.enter_context(kept_for(out, (*settings.inputs, *onto), kept_settings))
+        navigation = None if live.nmea is None else stack.enter_context(NavigationLog(live.nmea, out))
+        stop = stack.enter_context(ending(seconds))
+        page = stack.enter_context(LivePage(live.bind, live.port))
         if live.onto is not None and not has_keys(out):
             _keep_map(live.onto, out)
-        show = beside.enter_context(status_line(quiet))
-        recording = None if listening is None else beside.enter_context(_recording(out, listening, stop))
+        show = stack.enter_context(status_line(quiet))
+        recording = None if listening is None else stack.enter_context(_recording(out, listening, stop))
         # if anything fails below, the recording continues
         with suppress(OSError):
             say(f"the map is shown at {' or '.join(page.addresses)}; Ctrl-C ends the dive")
         if live.browser:
             Thread(target=_open_browser, args=(page.address,), daemon=True).start()
         news = [each.said for each in (recording, navigation) if each is not None]
-        tell = lambda state, warnings: show([state.sentence], warnings, state.status)  # noqa: E731
-        Dive(settings, page, tell, recording is not None, news).follow(stop)
+        show_state = lambda state, warnings: show([state.sentence], warnings, state.status)  # noqa: E731
+        Dive(settings, page, show_state, recording is not None, news).follow(stop)
     try:
         say("the dive has ended")
     except OSError:  # the terminal was closed; the map is made all the same
@@ -264,7 +264,7 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
         return
     if len(inputs) > 1:
         raise InputError(
-            f"{len(inputs)} sources given; name one recording or folder that grows, or give --replay for finished ones"
+            f"{len(inputs)} sources given; name one growing recording or folder, or give --replay for finished ones"
         )
     for name in inputs:
         path = Path(name)

@@ -90,7 +90,7 @@ class SurveyInput:
 
 
 @dataclass(frozen=True, slots=True)
-class Telling:
+class Reporting:
     """How a run prints its progress and results."""
 
     start: float  # by the monotonic clock [s]
@@ -153,7 +153,7 @@ def command(
     from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
     from sonarmap.tools.files.readers.pings.line_file import way_within
 
-    telling = Telling(time.monotonic(), as_json, verbose, quiet)
+    reporting = Reporting(time.monotonic(), as_json, verbose, quiet)
     mapper, method = survey.mapper_settings(method)
     require_effect(method, bool(priors.priors))
     files = given(priors) | given(odometry) | given(person)
@@ -163,8 +163,8 @@ def command(
     navigation = replace(navigation, fastest=mapper.limits.speed)
     corrections = points.corrections()
     if patch_test:
-        corrections = without_biases(inputs, corrections, telling.silent)
-    read = _read_scans(inputs, priors.priors, corrections, output.out, telling.silent)
+        corrections = without_biases(inputs, corrections, reporting.silent)
+    read = _read_scans(inputs, priors.priors, corrections, output.out, reporting.silent)
     read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
@@ -183,7 +183,7 @@ def command(
         read, reckoned, ties, control, georeference, configured, settings, vet, corrections.lines, rates
     )
     try:
-        whole = _map_and_tell(survey_input, execution, output, exports, telling)
+        whole = _map_and_report(survey_input, execution, output, exports, reporting)
     except ContradictedError as error:
         say(f"{error}. No map was made; --no-check-priors makes one all the same.", "error: ", "bold red")
         print_failure(str(error), INCOMPLETE, as_json)
@@ -218,23 +218,23 @@ def _require_files(files: Mapping[str, Any]) -> None:
                 raise InputError(f"--{name}: cannot read {value}: there is no such file; check its name")
 
 
-def _map_and_tell(
-    survey: SurveyInput, execution: ExecutionOptions, output: MapOutput, exports: "ExportSettings", telling: Telling
+def _map_and_report(
+    survey: SurveyInput, execution: ExecutionOptions, output: MapOutput, exports: "ExportSettings", reporting: Reporting
 ) -> bool:
     """Make and write the map with its report and exports, and print the results; return whether the map is whole."""
     require_writable(output.out)
     with locked(output.out, writing=True):  # until its last file is written
-        mapped = _map(survey, execution, output, telling.silent)
+        mapped = _map(survey, execution, output, reporting.silent)
         try:
             if survey.read.patches and survey.georeference is not None:
-                give_back(mapped, survey.read.patches, survey.georeference, survey.lines, exports.crs, telling.silent)
-            _write_report_and_exports(mapped, output.report, exports, telling.silent)
+                give_back(mapped, survey.read.patches, survey.georeference, survey.lines, exports.crs, reporting.silent)
+            _write_report_and_exports(mapped, output.report, exports, reporting.silent)
         finally:  # the map exists, even if its report or export failed
-            if not telling.as_json:
-                print_mapped(mapped, time.monotonic() - telling.start, telling.verbose)
-    if telling.as_json:
+            if not reporting.as_json:
+                print_mapped(mapped, time.monotonic() - reporting.start, reporting.verbose)
+    if reporting.as_json:
         print_summary(output.out)
-        warn_of_faults(mapped, telling.verbose)
+        warn_of_faults(mapped, reporting.verbose)
     return mapped.whole
 
 

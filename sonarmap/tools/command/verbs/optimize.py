@@ -109,7 +109,7 @@ def _print(report: dict[str, Any], robust: bool, out: Path) -> None:
 def verdict(report: dict[str, Any], robust: bool) -> str:
     """Whether the poses fit the edges, in a sentence."""
     chi_squared, freedom = report["chi_squared_after"], report["degrees_of_freedom"]
-    numbers = f"chi-squared is {chi_squared:.4g}, about {freedom} is usual"
+    numbers = f"chi-squared is {chi_squared:.4g}, about {freedom} is expected"
     if not report["converged"]:
         return f"Not converged: after {report['iterations']} iterations the poses are the best so far, not the optimum."
     if freedom == 0:

@@ -173,9 +173,9 @@ def transform_words(T_target_source: "RigidTransform") -> str:
         turns = T_target_source.rotation.as_euler("ZYX", degrees=True)
     places = _named(T_target_source.translation.tolist(), _PLACES, "{:.3f} m", _LEAST_M)
     angles = _named(turns.tolist(), _TURNS, "{:.2f}°", _LEAST_DEG)
-    whole = math.degrees(float(T_target_source.rotation.magnitude()))
+    total = math.degrees(float(T_target_source.rotation.magnitude()))
     place = places or "where the target's is"
-    turn = f"is turned {angles}, {whole:.2f}° in all" if angles else "looks the same way"
+    turn = f"is turned {angles}, {total:.2f}° in all" if angles else "looks the same way"
     return f"Seen from the target's sensor, the source's is {place}; it {turn}."
 
 

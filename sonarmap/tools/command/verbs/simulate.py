@@ -109,7 +109,7 @@ class SimulatedNavigation:
         "N", "With --priors position: only every N-th scan has a position.", rare=True, shown="1", min=1, max=MOST
     )
     fix_outliers: float | None = NAVIGATION.option(
-        "P", "With --priors position: share that is 20 m off, 0..1.", rare=True, shown="0", min=0, max=1
+        "P", "With --priors position: share of positions that are 20 m off, 0..1.", rare=True, shown="0", min=0, max=1
     )
     fix_sigma: float | None = NAVIGATION.option(
         "M", "With --priors position: its standard deviation, East and North \\[m].", rare=True, shown="3"
