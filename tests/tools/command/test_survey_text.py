@@ -73,8 +73,8 @@ def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
     assert ended[0].reason == "failed: an error of the method, not of the scans: a slice begins at 7"
     (told,) = faults(survey, NAMES)
     assert told == (
-        f"2 of {len(survey.pairs)} pairs ended by an error of the method, whatever the scans show, as scan4 "
-        "and scan5: a slice begins at 7"
+        f"2 of {len(survey.pairs)} pairs ended by an error of the method, whatever the scans show; the first, "
+        "scan4 and scan5: a slice begins at 7"
     )
     assert not Mapped(survey, NAMES, Path(), 0).whole
     assert Mapped(refusing({(4, 5)}), NAMES, Path(), 0).whole

@@ -1,4 +1,4 @@
-"""The folder that `sonarmap map` writes: which files, and what is in pairs.csv, summary.json and times.json.
+"""The folder that `sonarmap map` writes: its maps, graph, pairs.csv, summary.json, times.json, and files of lines.
 
 In: the mapper's result. Out: files, all together or none.
 """

@@ -1,4 +1,4 @@
-"""What the user of a finished map should look at, in words, the most important first."""
+"""Warnings about a finished map as sentences, the most important first."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,19 +17,19 @@ from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.products.output.pairs_file import has_no_effect, is_contradicted, tie_effect
 
-UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
-LISTED = 10  # names of scans in a sentence
-FAR = 4.0  # sigmas beyond which a point that holds the map is warned of
-_PAIRS = 5  # in a sentence
+UNMOVED = 0.001  # smallest shift of a pose that counts as a change [voxels]
+LISTED = 10  # largest number of scan names in a sentence
+FAR = 4.0  # residual of a control point beyond which a warning is given [standard deviations]
+_PAIRS = 5  # largest number of pairs in a sentence
 _OPEN = {
     "tilt_x": "its tilt about East",
     "tilt_y": "its tilt about North",
-    "heading": "which way it points",
+    "heading": "its heading",
     "east": "its East",
     "north": "its North",
     "up": "its height",
 }
-# Of a gap between two chains of steps: nothing in the scans tells two places of one build from one place seen again.
+# Where other pairs bridge a gap between two chains of steps, two look-alike places may have been taken for one.
 _BRIDGED = ", bridged by other pairs"
 _CHAINS = (
     f"{_BRIDGED}, as two places of one build would be too, such as two tanks (then give the scans before and after in "
@@ -42,14 +42,13 @@ INSTRUMENTS = {
     "depth": "depths",
     "odometry": "steps of dead reckoning",
 }
-_EACH = 3  # gaps or fixes that get a sentence each; more share one
+_EACH = 3  # largest number of gaps or fixes with a sentence each; more share one sentence
 
 
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
-    """Navigation that the map contradicts, errors of the method, odd scans, several parts, scans without a place, gaps,
-    odd steps, ties and control points that do not fit, wrong fixes, loops without effect, and stray points: a sentence
-    each. What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in
-    backticks."""
+    """Warnings about a survey, one sentence each, the most important first.
+
+    A fault of a single scan is reported once, for that scan. Arguments of the library are in backticks."""
     unusable = _unusable(result, names)
     return [
         *contradictions(result),
@@ -67,7 +66,7 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
 
 
 def contradictions(result: SurveyResult) -> list[str]:
-    """How navigation as a whole and the map, or groups of scans, contradict each other, a sentence each."""
+    """Contradictions between navigation and the map, or between groups of scans, one sentence each."""
     rows = {row["kind"]: row["reason"] for row in understated_rows(result)}
     words = [result.mistake] if result.mistake else []
     words += [
@@ -77,14 +76,14 @@ def contradictions(result: SurveyResult) -> list[str]:
     refused, sure = result.refused_for_navigation
     if refused:
         words.append(
-            f"{refused} of {sure} accepted pairs are rejected, as they contradict navigation: look for exchanged axes, "
-            "another unit, and times that are off, or map without it"
+            f"{refused} of {sure} accepted pairs are rejected, as they contradict navigation: check it for exchanged "
+            "axes, another unit and wrong times, or map without it"
         )
     return words if result.scaled is None else [*words, _scaled(result.scaled, result.names)]
 
 
 def _scaled(group: ScaledScans, names: Sequence[str]) -> str:
-    """Which scans have other ranges than the rest, and what to do."""
+    """Sentence about a group of scans whose ranges have another scale than the rest."""
     named = [names[k] for k in group.scans]
     in_a_row = len(named) > 2 and group.scans[-1] - group.scans[0] == len(named) - 1
     which = f"{named[0]} to {named[-1]}" if in_a_row else _listed(named)
@@ -97,7 +96,7 @@ def _scaled(group: ScaledScans, names: Sequence[str]) -> str:
 
 
 def odd_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
-    """The scans that are odd, what makes each fit, and the reason why it was left out with what to do, in words."""
+    """Rows of summary.json for faulty scans: the kind, the change that corrects it, and the reason in words."""
     return [
         {
             "index": each.scan,
@@ -112,8 +111,7 @@ def odd_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]
 
 
 def _oddness(odd: OddScan) -> str:
-    """What a scan seems to be, and what to do."""
-    fits = "it fits its neighbors, and not as it is. It was left out of the map; write"
+    fits = "it fits its neighbors, and unchanged it does not. It was left out of the map; write"
     if axis := odd.change.axes:
         return f"is mirrored: with the sign of {axis} changed {fits} it with x forward, y left, z up"
     unit = "feet" if odd.kind == "feet" else "meters and the others in feet"
@@ -128,7 +126,7 @@ def _of_stream(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
 
 
 def _unusable(result: SurveyResult, names: Sequence[str]) -> dict[int, str]:
-    """The scans that no pair could be registered with, always for the same reason, which is their own."""
+    """Scans that every registration failed for, with the reason, where it is the same each time and names the scan."""
     reasons: dict[int, set[str]] = {}
     for pair in result.pairs:
         for k in pair.scans:
@@ -142,8 +140,8 @@ def _of_defects(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     if defects:
         first = defects[0]
         yield (
-            f"{len(defects)} of {len(result.pairs)} pairs ended by an error of the method, whatever the scans show, "
-            f"as {names[first.i]} and {names[first.j]}: {first.failure.removeprefix(DEFECT)}"
+            f"{len(defects)} of {len(result.pairs)} pairs ended by an error of the method, whatever the scans show; "
+            f"the first, {names[first.i]} and {names[first.j]}: {first.failure.removeprefix(DEFECT)}"
         )
 
 
@@ -171,7 +169,7 @@ def _of_parts(result: SurveyResult, names: Sequence[str], unusable: dict[int, st
 def _of_scans(
     scans: Sequence[int], where: tuple[str, str], names: Sequence[str], unusable: dict[int, str]
 ) -> Iterator[str]:
-    """Scans that no registration holds; `where` they are, in words for a single scan and for several."""
+    """Sentences about scans that no registration joins; `where` has the words for a single scan and for several."""
     blamed, others = [k for k in scans if k in unusable], [k for k in scans if k not in unusable]
     if len(blamed) == 1:
         yield f"{names[blamed[0]]} {where[0]}: {unusable[blamed[0]]}"
@@ -185,7 +183,7 @@ def _of_scans(
 
 
 def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str]) -> Iterator[str]:
-    """Consecutive pairs that were not kept, those first that nothing bridges."""
+    """Sentences about consecutive pairs that were not kept; gaps that nothing bridges come first."""
     shared, joined = (
         {scan: c for c, members in enumerate(parts) for scan in members}
         for parts in (result.components, components(len(names), result.edges))
@@ -209,7 +207,7 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
 
 
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    """Steps that the scans alone did not show surely: a vehicle that was moved between two scans gives these."""
+    """A sentence about uncertain steps, such as where a vehicle was moved between two scans."""
     steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
     lone = lone_steps(result.pairs, free=True)
     alone = [step for step in steps if step.scans in lone or _is_only_likely(step, result.pairs)]
@@ -223,7 +221,7 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
 
 
 def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
-    """Whether a step is believed as one of consecutive scans, and no pair of scans on either side says so freely."""
+    """Whether only the prior for consecutive scans supports a step, and no freely registered pair spans it."""
     edge = step.edge
     if edge is None or not edge.registration.is_only_likely:
         return False
@@ -232,7 +230,7 @@ def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
 
 
 def understated_rows(result: SurveyResult) -> list[dict[str, Any]]:
-    """The instruments that err more than was said of them: their kind, how many times as much, and that in words."""
+    """Rows of summary.json for instruments with underestimated sigmas: kind, ratio of error to sigma, and reason."""
     return [
         {"kind": kind, "times": times, "reason": _understated(INSTRUMENTS[kind], times, kind in result.contradicted)}
         for kind, times in result.understated.items()
@@ -240,35 +238,35 @@ def understated_rows(result: SurveyResult) -> list[dict[str, Any]]:
 
 
 def systematic_words(error: Systematic) -> str:
-    """What all fixes were off by, in words."""
+    """Sentence about a systematic error of all fixes, and its correction."""
     if (other := error.alternative) is not None:
         first, second = (systematic_words(replace(each, alternative=None)) for each in (error, other))
         return f"{first}; or, which the track cannot distinguish from it, {second}"
     if error.turn:
         return (
-            f"headings fit if {math.degrees(error.turn):+.1f} degrees are taken from them, and were used so: a "
+            f"headings fit if {math.degrees(error.turn):+.1f} degrees are subtracted, and were corrected so: a "
             "declination, a grid's North or a turned mount (--magnetic-declination, --heading-reference, --mount)"
         )
     if error.late:
         when = "earlier" if error.late > 0 else "later"
         return (
-            f"positions fit if their times are taken to be {abs(error.late):.2g} s {when}, and were used so: the "
-            "clocks of log and sonar differ (--nav-offset)"
+            f"positions fit if their times are {abs(error.late):.2g} s {when}, and were corrected so: the clocks of "
+            "log and sonar differ (--nav-offset)"
         )
     if error.drift_east or error.drift_north:
         per_minute = 60 * math.hypot(error.drift_east, error.drift_north)
-        return f"positions drift by {per_minute:.2g} m a minute beside the scans, and were used without that"
+        return f"positions drift by {per_minute:.2g} m a minute against the scans; the drift was removed"
     return (
-        f"positions fit {error.forward:+.1f} m forward and {error.left:+.1f} m to port of where they are, and were "
-        "used so: a lever arm (--mount), or at a steady speed the time that a clock is off (--nav-offset)"
+        f"positions fit if they are moved {error.forward:+.1f} m forward and {error.left:+.1f} m to port, and were "
+        "corrected so: a lever arm (--mount) or, at a steady speed, a clock's offset (--nav-offset)"
     )
 
 
 def _understated(what: str, times: float, left_out: bool) -> str:
     if left_out:
         return (
-            f"{what} contradict everything else: their errors are {times:.0f} times their standard deviations, "
-            "and were left out; look for exchanged axes, another zone or unit, and times that are off"
+            f"{what} contradict everything else and were left out: their errors are {times:.0f} times their standard "
+            "deviations; check them for exchanged axes, another zone or unit, and wrong times"
         )
     return f"{what} have errors {times:.1f} times their standard deviations, and are weighted down accordingly"
 
@@ -284,7 +282,7 @@ def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     if len(fixes) <= _EACH:
         yield from (f"{fix}; it is left out" for fix in fixes)
     else:
-        yield f"{len(fixes)} measurements of instruments are left out, as {fixes[0]}"
+        yield f"{len(fixes)} measurements of instruments are left out; the first: {fixes[0]}"
 
 
 def _of_the_whole(result: SurveyResult) -> Iterator[str]:
@@ -302,23 +300,23 @@ def _of_the_whole(result: SurveyResult) -> Iterator[str]:
 
 
 def _of_ties(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    """Ties without effect, ties that the rest contradicts, and pairs that ties displaced."""
+    """Sentences about ties without effect, contradicted ties, and pairs that ties displaced."""
     for tie in result.ties:
         effect, pair = tie_effect(result, tie), f"{names[tie.i]} - {names[tie.j]}"
         if has_no_effect(result, tie):
             yield f"tie {pair}: {tie.verdict}: {effect}"
         elif is_contradicted(result, tie):
-            yield f"tie {pair}: {effect}; look at both scans, and if it is wrong take it out of `ties`"
+            yield f"tie {pair}: {effect}; look at both scans, and if it is wrong remove it from `ties`"
     if result.displaced:
         listed = _listed([f"{names[i]} - {names[j]}" for i, j in result.displaced], _PAIRS)
         yield (
-            f"{len(result.displaced)} pairs that the survey keeps by itself are refused for the ties and control "
-            f"points: {listed}"
+            f"{len(result.displaced)} pairs that the survey would keep are rejected, as they contradict ties and "
+            f"control points: {listed}"
         )
 
 
 def _of_control(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    """Control points that are left out or far off, and parts that too few of them hold."""
+    """Sentences about control points that are left out or far off, and parts with too few of them."""
     for each in result.control:
         if each.left_out:
             where = f"{each.point.name} in {names[each.point.scan]}"
@@ -339,7 +337,7 @@ def _of_control(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
 
 
 def _open_parts(result: SurveyResult, constrained: set[int]) -> Iterator[str]:
-    """What control points leave open of each part; `constrained` are the scans with points that hold the map."""
+    """Sentences about degrees of freedom that control points do not fix; `constrained`: the scans with such points."""
     graph = result.solution.graph
     for rank, c in enumerate(placed(result.components), 1):
         members = result.components[c]
@@ -352,10 +350,7 @@ def _open_parts(result: SurveyResult, constrained: set[int]) -> Iterator[str]:
             free = [
                 _OPEN[name] for name, open_ in zip(MEASURED, graph.gauge.unmeasured[members[0]], strict=True) if open_
             ]
-            yield (
-                f"the control points of {part} leave open {', '.join(free)}; at least three that are not on a line "
-                "fix all"
-            )
+            yield f"the control points of {part} do not fix {', '.join(free)}; give three or more off one line"
 
 
 def _listed(names: Sequence[str], most: int = LISTED) -> str:

@@ -1,5 +1,5 @@
-"""The folder that `sonarmap map` writes. `summary.json`: what was run, with what, and what came of it; `graph.json`:
-the pose graph without any loss, with what a g2o file has no place for."""
+"""The folder that `sonarmap map` writes. `summary.json` holds settings, inputs and results of a run; `graph.json` holds
+the whole pose graph, with what a g2o file cannot hold."""
 
 import math
 import re
@@ -64,13 +64,14 @@ _ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class SurveyRun:
-    """names: of the scans, in their order.
-    settings: as the user gave them or as they were chosen; dataclasses are fine as values.
-    device: what it ran on; None for a method that takes none.
-    unread: scans that could not be read.
+    """How a survey was mapped, for its summary.json.
+
+    names: of the scans, in their order.
+    settings: as given by the user or chosen; values may be dataclasses.
+    device: on which it ran; None for a method without a device.
     inputs: the files, as `input_rows` describes them.
-    georeference: where the map lies on the Earth; None where it is not known.
-    times: how long it took, for times.json: see `survey_times`; None for no such file."""
+    georeference: of the map's origin; None where it is not known.
+    times: content of times.json, see `survey_times`; None for no such file."""
 
     names: Sequence[str]
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
@@ -82,7 +83,7 @@ class SurveyRun:
 
 
 def part_files(result: SurveyResult, rank: int) -> list[str]:
-    """The files of the component that is map number `rank`, 1 for the largest."""
+    """Names of the files of map number `rank`, 1 for the largest component."""
     c = placed(result.components)[rank - 1]
     layers = [f"{{}}_survey_{number}" for number in result.parts[c].layers]
     names = [*OF_EACH, *(f"map{layer}.ply" for layer in layers)]
@@ -93,12 +94,12 @@ def part_files(result: SurveyResult, rank: int) -> list[str]:
 
 def write_survey(folder: Path, result: SurveyResult, run: SurveyRun) -> Path:
     """Write a survey's maps, a picture of each, trajectories, graph, pairs and summary, and return the summary's path.
-    The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
-    nothing joined is in no map. Where there are several surveys, map_survey_0.ply and so on are the maps of each one's
-    scans alone. map_all.ply has what map.ply has and the points that were left out of it, as too few scans saw them;
-    map_all_survey_0.ply and so on have the same of the maps of each survey. The graph holds all components. All files
-    appear together or, where one cannot be written, none does; what the folder's earlier run had beyond this one's
-    files is removed, and so is what was exported of it. The folder is made where it is missing."""
+
+    The largest component is map.ply, map.png and trajectory.tum; the others are map_2 and so on. A scan that nothing
+    joins is in no map. If there are several surveys, map_survey_0.ply and so on are the maps of each survey's scans.
+    map_all.ply adds to map.ply the points that were left out because too few scans saw them; map_all_survey_0.ply and
+    so on do so for each survey. The graph holds all components. All files are written or none; other files and exports
+    of an earlier run are removed. The folder is created if it is missing."""
     earlier = earlier_files(folder)
     files = [part_files(result, rank) for rank in range(1, len(placed(result.components)) + 1)]
     summary = survey_summary(result, run)
@@ -116,7 +117,7 @@ def write_survey(folder: Path, result: SurveyResult, run: SurveyRun) -> Path:
 
 
 def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files: Sequence[Sequence[str]]) -> None:
-    """Write the graph, the pairs, and the `files` of every component that is a map."""
+    """Write the graph, the pairs, and the `files` of every map but its picture."""
     for c, listed in zip(placed(result.components), files, strict=True):
         for name in (name for name in listed if not name.endswith(PICTURE)):
             _write_part(folder / name, result, c)
@@ -127,18 +128,18 @@ def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files
 
 
 def _draw_maps(folder: Path, result: SurveyResult, run: SurveyRun, files: Sequence[Sequence[str]]) -> None:
-    """Draw every component: the picture that is among its `files`."""
+    """Write the picture among the `files` of every map."""
     for rank, listed in enumerate(files, 1):
         for name in (name for name in listed if name.endswith(PICTURE)):
             draw_map(folder / name, result, rank, inputs_of(run.settings), run.georeference)
 
 
 def _write_part(path: Path, result: SurveyResult, c: int) -> None:
-    """Write one file of a component; its name says which."""
+    """Write the file of component `c` that the name of `path` stands for."""
     maps, trajectory = result.parts[c], result.trajectory.take(result.components[c])
     layer = _LAYER.search(path.stem)
-    own = maps.layers[int(layer[1])] if layer else None
-    point_map, doubtful = (own.clean, own.doubtful) if own else (maps.optimized, maps.doubtful)
+    survey = maps.layers[int(layer[1])] if layer else None
+    point_map, doubtful = (survey.clean, survey.doubtful) if survey else (maps.optimized, maps.doubtful)
     match path.suffix:
         case ".tum":
             write_tum(path, trajectory)
@@ -149,7 +150,7 @@ def _write_part(path: Path, result: SurveyResult, c: int) -> None:
 
 
 def _both_layers(clean: PointMap, doubtful: PointMap | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The points of a map and, behind them, those that were left out of it, with the columns of both."""
+    """Points of a map followed by its doubtful points, and their common columns."""
     layers = [layer for layer in (clean, doubtful) if layer is not None]
     of_each = [_columns(layer) | ({} if layer.looked is None else {"looked": layer.looked}) for layer in layers]
     columns = {name: np.concatenate([columns[name] for columns in of_each]) for name in of_each[0]}
@@ -158,15 +159,14 @@ def _both_layers(clean: PointMap, doubtful: PointMap | None) -> tuple[np.ndarray
 
 
 def _columns(point_map: PointMap) -> dict[str, np.ndarray]:
-    """The columns of a map's file besides the coordinates."""
+    """Columns of a map's PLY file after the coordinates."""
     names = ("count", "seen", "sigma", "scan", "survey")
     echo = {} if point_map.strength is None else {"intensity": point_map.strength}
     return {name: getattr(point_map, name) for name in names} | echo
 
 
 def survey_times(timings: Timings, workers: int) -> dict[str, Any]:
-    """The content of `times.json`: what differs between runs that give the same results; `workers` is how many
-    processes registered."""
+    """Content of `times.json`: times and memory, which differ between runs; `workers` is the number of processes."""
     return {
         "workers": workers,
         "pairs_from_journal": timings.from_journal,
@@ -177,9 +177,7 @@ def survey_times(timings: Timings, workers: int) -> dict[str, Any]:
 
 
 def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
-    """The content of a survey's summary.json. Every scan that could not be read is listed with its reason and its gap,
-    the indices of the scans before and after it (null if there is none); "gaps" has these after the pairs that failed.
-    """
+    """Content of summary.json; "gaps" lists pairs that failed, then the neighbors of unread scans, null at an end."""
     solution, graph, names = result.solution, result.solution.graph, list(run.names)
     gaps = [_gap(scan.before, len(names)) for scan in run.unread]
     return {
@@ -230,7 +228,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
 
 
 def scan_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
-    """What each scan is, and how sure its pose."""
+    """Rows of summary.json for the scans: name, stamp, survey, and the covariance of the pose."""
     columns = zip(result.trajectory.stamps, result.surveys, result.covariances, strict=True)
     return [
         {"index": k, "name": name, "stamp": stamp, "survey": survey, "covariance": covariance}
@@ -243,20 +241,20 @@ def _gap(before: int, count: int) -> tuple[int | None, int | None]:
 
 
 def _pair_counts(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """How many pairs were tried and kept, in all and by their roles, and where each of them is described."""
+    """Numbers of pairs tried and kept, in total and by role, and the name of the file that lists them."""
     tried, kept = Counter(pair.role for pair in pairs), Counter(pair.role for pair in pairs if pair.kept)
     by_role = {role: {"tried": tried[role], "kept": kept[role]} for role in get_args(Role) if tried[role]}
     return {"file": PAIRS, "tried": len(pairs), "kept": kept.total(), "by_role": by_role}
 
 
 def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
-    """Of (N, 6, 6) covariances, each pose's standard deviations along its worst direction."""
+    """Standard deviations of each pose along its worst directions, from covariances (N, 6, 6)."""
     sigmas = np.transpose(worst_sigmas(covariances)).tolist()
     return [{"rotation_deg": math.degrees(r), "translation_m": t} for r, t in sigmas]
 
 
 def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.ndarray]) -> dict[str, Any]:
-    """A component that is a map, with the sizes of its layers by their surveys; `unmeasured` as `PoseGraph` has it."""
+    """Row of a map, with statistics of the layer of each survey; `unmeasured` is that of the graph's gauge."""
     members = result.components[c]
     free = next((unmeasured[pose] for pose in members if pose in unmeasured), np.zeros(6, dtype=bool))
     row = {
@@ -269,16 +267,16 @@ def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.nda
 
 
 def crossing_row(error: CrossingError) -> dict[str, Any]:
-    """How far apart scans lie where the track crosses itself, before the loops and after; null without crossings."""
+    """Distance between scans where the track crosses itself, before and after the loops; null without crossings."""
     row: dict[str, Any] = {"pairs": len(error.crossings)}
-    for name, apart in (("before", error.before), ("after", error.after)):
-        row[name] = apart.median if apart else None
-        row[f"{name}_90"] = apart.most if apart else None
+    for name, spread in (("before", error.before), ("after", error.after)):
+        row[name] = spread.median if spread else None
+        row[f"{name}_90"] = spread.most if spread else None
     return row
 
 
 def map_statistics(point_map: PointMap) -> dict[str, Any]:
-    """Size and extent of a map, and how much of it more than one scan saw."""
+    """Size and extent of a map, and the share of its points that more than one scan saw."""
     return {
         "points": len(point_map.points),
         "voxel_m": point_map.voxel,
@@ -294,23 +292,23 @@ def map_statistics(point_map: PointMap) -> dict[str, Any]:
     }
 
 
-# What the numbers are, for whoever reads the file without these pages.
+# Meaning of the numbers, for readers of the file without the documentation.
 CONVENTIONS = {
     "T_world_sensor": "p_world = T p_sensor, 4x4 [m]; the world is East-North-Up where 'in_world', else the frame of "
-    "the component's first pose; before_loops: as consecutive registrations and navigation alone place the scan",
+    "the component's first pose; before_loops: from consecutive registrations and navigation alone",
     "T_i_j": "p_i = T p_j, 4x4 [m]; T_target_source likewise",
     "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, of j, or of "
     "the source",
-    "crossings": "scans where the track crosses itself: how far apart they lie before and after the loops, medians "
-    "and 90th percentiles [m]",
-    "control_points": "that the map is fitted to: in the sensor's frame of their pose, and known East, North, Up [m]",
-    "straightened_by": "the way by which scans whose points have times were straightened: the poses of the map before",
+    "crossings": "scans where the track crosses itself: their distance before and after the loops, median and 90th "
+    "percentile [m]",
+    "control_points": "points that the map is fitted to, in their pose's sensor frame, and known East, North, Up [m]",
+    "straightened_by": "trajectory by which scans whose points have times were straightened: that of an earlier map",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 
 
 def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
-    """The content of a survey's graph.json: poses, edges as weighed, every pair with its verdict, and priors."""
+    """Content of graph.json: poses, edges with their covariances, every pair with its verdict, and priors."""
     graph = result.solution.graph
     component = {scan: number for number, members in enumerate(graph.components) for scan in members}
     measured = {pose for pose, _ in graph.priors} | {known.pose for known in graph.known}
@@ -355,7 +353,7 @@ def _way_row(way: Way) -> Mapping[str, Any]:
 
 
 def _pair_row(pair: Pair) -> Mapping[str, Any]:
-    """A pair with its verdict and, unless it failed, with what was measured."""
+    """Row of a pair with its verdict and, unless it failed, its transform and covariance."""
     registration = registration_of(pair)
     row = pair_row(pair) | ({"by_hand": pair.by_hand, "note": pair.note} if pair.by_hand else {})
     if registration is None:

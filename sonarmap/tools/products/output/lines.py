@@ -1,4 +1,4 @@
-"""navigation.csv, soundings.laz and lines.json: the files of a map that was made of lines of pings."""
+"""navigation.csv, soundings.laz and lines.json: the files of a map from lines of pings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,28 +30,28 @@ COLUMNS = (
     *("east_sigma_m", "north_sigma_m", "up_sigma_m", "rot_east_sigma_deg", "rot_north_sigma_deg", "rot_up_sigma_deg"),
     "crs",
 )
-_DECIMALS = (10, 10, 4, 4, 4, 5, 5, 5, 4, 4, 4, 4, 4, 4, 5, 5, 5)
+_DECIMALS = (10, 10, 4, 4, 4, 5, 5, 5, 4, 4, 4, 4, 4, 4, 5, 5, 5)  # of the columns from lat_deg to rot_up_sigma_deg
 _DIMENSIONS = {"ping": ("u4", "ping of the line, from 0"), "beam_angle": ("f4", "from down, + starboard [deg]")}
 
 
 @dataclass(frozen=True, slots=True)
 class MovedLine:
-    path: Path  # its file
-    before: PingLine  # as it was recorded, in the map's world
-    after: PingLine  # as the map has it
-    sigmas: np.ndarray  # (P, 6) of the pings' poses then: rotation about East, North, Up [rad], along these [m]
+    path: Path  # of its file
+    before: PingLine  # as recorded, in the map's world
+    after: PingLine  # at the map's poses
+    sigmas: np.ndarray  # (P, 6) of the pings' poses in the map: rotation about, then shift, East, North, Up [rad, m]
 
     @property
     def shifts(self) -> np.ndarray:
-        """(P, 3) East, North, Up [m] by which the map moves the pings' places."""
+        """(P, 3) East, North, Up [m] by which the map moves the pings' positions."""
         return self.after.places - self.before.places
 
 
 def moved_lines(
     patches: Mapping[int, PingPatch], result: SurveyResult, georeference: Georeference, reading: LineReading
 ) -> list[MovedLine]:
-    """The lines of which patches lie in the world, in the order of their first scans; files are read again,
-    as their patches, by scan, were cut."""
+    """Lines with patches in the world, by their first scans, read again from their files; `patches` by scan, cut with
+    the draught and biases of `reading`."""
     placed = {k for k, prior in result.solution.graph.priors if prior.knows_position}
     in_world = {k for members in result.components if placed.intersection(members) for k in members}
     of_files: dict[Path, list[int]] = {}
@@ -76,8 +76,8 @@ def write_lines(
     agreement: tuple[Crossings, Crossings],
     test: PatchTest | None,
 ) -> None:
-    """Write what the map says of its lines: `agreement`, where they overlap, before and after; the patch test is None
-    where they overlap too little."""
+    """Write the files of a map's lines; `agreement` is that of overlapping lines, before and after, and `test` None
+    where the lines overlap too little."""
     projection, (before, after) = Projection.of(georeference, crs), agreement
     content = {
         "lines": [_summary(line) for line in lines],
@@ -128,8 +128,8 @@ def _rows(lines: Sequence[MovedLine], georeference: Georeference, projection: Pr
 def _write_soundings(
     path: Path, lines: Sequence[MovedLine], georeference: Georeference, projection: Projection
 ) -> None:
-    """LAZ 1.4, point format 6, line by line: easting, northing, height; the number of the line from 1 as the point's
-    source; and of each sounding its ping and beam angle."""
+    """LAZ 1.4, point format 6, line by line: easting, northing, height, ping and beam angle of each sounding; the point
+    source is the number of the line, from 1."""
     import laspy
 
     timed = all(are_times(line.after.stamps) for line in lines)

@@ -1,5 +1,4 @@
-"""What became of pairs, ties and control points: `pairs.csv` with every pair that was tried, and rows of
-summary.json."""
+"""Outcome of pairs, ties and control points: `pairs.csv` with every tried pair, and rows of summary.json."""
 
 import math
 from collections.abc import Sequence
@@ -29,20 +28,19 @@ _WORDS = {answer: word for word, answer in ANSWERS.items()}
 
 
 def write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
-    """Write one row per pair, in the order of trying, under COLUMNS; a cell of what is not known is empty. Numbers are
-    written so that reading them gives the same ones."""
+    """Write one row of COLUMNS per pair, in the order they were tried, at full precision; unknown values are empty."""
     measured = iter(_measured([registration for pair in pairs if (registration := registration_of(pair))]))
     rows = (pair_row(pair) | (next(measured) if registration_of(pair) else {}) for pair in pairs)
     write_table(path, COLUMNS, ([_cell(row.get(name, "")) for name in COLUMNS] for row in rows))
 
 
 def registration_of(pair: Pair) -> Registration | None:
-    """What a pair contributed to the graph, which may be an alternative; what was registered where it was not kept."""
+    """The registration in the graph, which may be an alternative; for a pair that was not kept, the best one."""
     return pair.edge.registration if pair.edge else pair.registration
 
 
 def pair_row(pair: Pair) -> dict[str, Any]:
-    """What became of a pair and, unless it failed, what speaks for its registration."""
+    """Row of a pair: its outcome and, unless it failed, the evidence for its registration."""
     own = ("role", "kept", "reason", "predicted_overlap", "alike", "agreeing", "sigmas_from_estimate")
     row = {"target": pair.i, "source": pair.j, **fields_of(pair, *own), "residual_sigmas": pair.residual}
     registration = registration_of(pair)
@@ -57,7 +55,7 @@ def fields_of(value: Any, *names: str) -> dict[str, Any]:
 
 
 def _measured(registrations: Sequence[Registration]) -> list[dict[str, float]]:
-    """The transforms, and their standard deviations along the worst directions, of all at once."""
+    """Rows with the transforms and their standard deviations along the worst directions, computed together."""
     if not registrations:
         return []
     T = RigidTransform.concatenate([registration.T_target_source for registration in registrations])
@@ -69,7 +67,7 @@ def _measured(registrations: Sequence[Registration]) -> list[dict[str, float]]:
 
 
 def _sigmas(covariances: np.ndarray) -> np.ndarray:
-    """(2, N) of rotations [rad] and translations [m]; NaN where a failed pair's covariance (N, 6, 6) is none."""
+    """(2, N) sigmas of rotation [rad] and translation [m]; NaN where a covariance (N, 6, 6) is not finite."""
     sigmas = np.full((2, len(covariances)), np.nan)
     finite = np.isfinite(covariances).all(axis=(1, 2))
     with np.errstate(invalid="ignore"):  # the root of a negative variance is NaN
@@ -78,14 +76,14 @@ def _sigmas(covariances: np.ndarray) -> np.ndarray:
 
 
 def _cell(value: Any) -> Any:
-    """A value as it is written: nothing where a number is not known."""
+    """A value as written in the table; empty for an unknown number."""
     if isinstance(value, bool | np.bool_):
         return _WORDS[bool(value)]
     return value if isinstance(value, str) or math.isfinite(value) else ""
 
 
 def tie_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Every tie of scans of these names, with what became of it."""
+    """Rows of summary.json for ties, with their effects; `names` are those of all scans."""
     return [
         {"target": names[tie.i], "source": names[tie.j], "verdict": tie.verdict, "note": tie.note}
         | {"effect": tie_effect(result, tie)}
@@ -95,8 +93,7 @@ def tie_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]
 
 
 def _transform_row(given: Registration) -> dict[str, float]:
-    """A transform and its standard deviations as the columns of a file of ties have them [m, deg]. Standard deviations
-    that differ by direction become their root mean squares."""
+    """A transform and its sigmas under the columns of a ties file [m, deg]; sigmas are the RMS over the directions."""
     turn, shift = np.sqrt(np.diag(given.covariance).reshape(2, 3).mean(axis=1)).tolist()
     angles = given.T_target_source.rotation.as_euler("ZYX", degrees=True)[::-1]
     values = [*given.T_target_source.translation.tolist(), *angles.tolist(), shift, float(np.degrees(turn))]
@@ -104,7 +101,7 @@ def _transform_row(given: Registration) -> dict[str, float]:
 
 
 def tie_effect(result: SurveyResult, tie: Tie) -> str:
-    """What became of a tie, in words."""
+    """The outcome of a tie in words."""
     pair = next((pair for pair in result.pairs if pair.scans == tie.scans), None)
     if pair is None:
         if tie.verdict == "reject":
@@ -116,27 +113,27 @@ def tie_effect(result: SurveyResult, tie: Tie) -> str:
         return f"not in the graph: {pair.reason}"
     words = pair.reason
     if tie.given is None and not pair.edge.registration.accepted:
-        words += f"; the registration itself was not sure ({pair.edge.registration.probability:.0%})"
+        words += f"; the registration itself was not accepted ({pair.edge.registration.probability:.0%})"
     if is_contradicted(result, tie):
         words += (
-            f"; the rest of the survey contradicts it: chi-squared {pair.contradicted:.4g}, where {CONTRADICTED:.1f} "
-            "is the most that is usual"
+            f"; the rest of the survey contradicts it: chi-squared {pair.contradicted:.4g}, where at most "
+            f"{CONTRADICTED:.1f} is usual"
         )
     return words
 
 
 def is_contradicted(result: SurveyResult, tie: Tie) -> bool:
-    """Whether the rest of the survey speaks against a tie that is in the graph."""
+    """Whether the rest of the survey contradicts a tie that is in the graph."""
     return any(pair.scans == tie.scans and pair.contradicted > CONTRADICTED for pair in result.pairs)
 
 
 def has_no_effect(result: SurveyResult, tie: Tie) -> bool:
-    """Whether a tie should be in the graph, and is not."""
+    """Whether a tie that should be in the graph is not."""
     return tie.verdict != "reject" and not any(pair.scans == tie.scans and pair.kept for pair in result.pairs)
 
 
 def control_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Every control and check point in scans of these names, with its residual."""
+    """Rows of summary.json for control and check points, with residuals; `names` are those of all scans."""
     return [
         {"name": each.point.name, "scan": names[each.point.scan], **fields_of(each.point, "point", "known")}
         | {**fields_of(each, "estimated", "residual"), "sigma": each.point.sigmas, "use": each.point.use}
@@ -146,13 +143,14 @@ def control_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, A
 
 
 def control_fit(result: SurveyResult, names: Sequence[str]) -> dict[str, Any] | None:
-    """How well the map fits its control and its check points, and which were left out; None without any. Points of
-    parts that do not lie in the world do not count, nor do those that were left out."""
+    """Fit of the map to its control and check points, and the points that were left out; None without points.
+
+    Only points of parts that lie in the world, and that were not left out, count in the fit."""
     if not result.control:
         return None
-    counted = [each for each in result.control if each.in_world and not each.left_out]
+    used = [each for each in result.control if each.in_world and not each.left_out]
     return {
-        **{use: _fit([each for each in counted if each.point.use == use]) for use in ("control", "check")},
+        **{use: _fit([each for each in used if each.point.use == use]) for use in ("control", "check")},
         "left_out": [
             {"name": each.point.name, "scan": names[each.point.scan], "sigmas": each.wrong}
             for each in result.control
