@@ -1,1 +1,1 @@
-"""What becomes of a finished map: the files of its folder, pictures and the report, exports for other programs."""
+"""Products of a finished map: the files of its folder, pictures, report, exports, sections, volumes and comparisons."""

@@ -1,8 +1,7 @@
 """Files of points: XYZ, E57, LAZ 1.4 (point format 6), and COPC 1.0, LAZ in an octree (https://copc.io).
 
-They are those of the map, or of scans in place, which are never together in memory. pye57 stores coordinates in four
-bytes. They count from the sensor's place, or the middle of the map, which is the scan's pose in the file, in eight
-bytes: readers add it.
+The points are those of the map, or of its scans, never all in memory at once. E57 has float32 coordinates relative to
+the scan's pose, float64, which readers add: the sensor's position, or the middle of the map.
 """
 
 import struct
@@ -30,31 +29,31 @@ from sonarmap.tools.files.time_scales import are_times, gps_of_utc
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
-_FORMS = {"f": "%.6g", "i": "%d", "u": "%d"}  # of columns, by the kind of their numbers
-_AT_A_TIME = 100_000  # lines
+_FORMS = {"f": "%.6g", "i": "%d", "u": "%d"}  # of a column, by the kind of its dtype
+_AT_A_TIME = 100_000  # lines that are formatted together
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # quaternion w, x, y, z
 
 
 @dataclass(frozen=True, slots=True)
 class Portion:
-    """Points that are written together: a scan's, or all of the map."""
+    """Points that are written together: those of a scan, or all of the map."""
 
-    name: str  # of the scan, or the map
+    name: str  # of the scan or the map
     points: np.ndarray  # (N, 3) float64 [m], in the file's coordinates
     columns: Mapping[str, np.ndarray]  # {name: (N,)}
-    stamps: np.ndarray  # (N,) [s], of the scans
-    place: np.ndarray  # (3,) float64 [m], of the sensor, or in the midst of the map, in the file's coordinates
+    stamps: np.ndarray  # (N,) [s], of the points' scans
+    place: np.ndarray  # (3,) float64 [m], the sensor or the median of the map's points, in the file's coordinates
 
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """The points of one part of a map."""
+    """The points of one part of a map, or of its scans."""
 
-    folder: Map  # the map
-    part: MapPart  # of it
-    earth: Georeferenced | None  # of the same part, for projected coordinates; None for the map's own
-    scans: Sequence[Scan] | None = None  # all of the map's, for their points; None for the map's own points
-    chosen: tuple[int, ...] | None = None  # which of the scans; None for all
+    folder: Map
+    part: MapPart
+    earth: Georeferenced | None  # for projected coordinates; None for the map's frame
+    scans: Sequence[Scan] | None = None  # all scans of the map, to write their points; None for the map's points
+    chosen: tuple[int, ...] | None = None  # indices of the scans to write; None for all
 
     @property
     def timed(self) -> bool:
@@ -62,19 +61,19 @@ class Cloud:
 
     @property
     def strongest(self) -> float:
-        """The strongest echo; 0 where there are no echo strengths."""
-        maps: np.ndarray = self.part.columns.get("intensity", np.zeros(0))
-        strengths = [maps] if self.scans is None else [scan.strength for scan in self.scans]
+        """The largest echo strength; 0 without echo strengths."""
+        of_map: np.ndarray = self.part.columns.get("intensity", np.zeros(0))
+        strengths = [of_map] if self.scans is None else [scan.strength for scan in self.scans]
         return max((float(np.max(s, initial=0, where=np.isfinite(s))) for s in strengths if s is not None), default=0.0)
 
     def placed(self, points: np.ndarray) -> np.ndarray:
-        """Points (N, 3) of the map's frame in the file's coordinates."""
+        """Points (N, 3) of the map's frame, in the file's coordinates."""
         if self.earth is None:
             return points
         return self.earth.projection.project(self.earth.georeference.geodetic(points))
 
     def portions(self) -> Iterator[Portion]:
-        """All points, none of them empty."""
+        """The portions that have points; one or more."""
         empty = True
         for name, points, columns, stamps, place in self._whole():
             if len(points):
@@ -108,8 +107,8 @@ class Cloud:
 
 
 def write_xyz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
-    """Write blanks between columns, whose names stand behind // in the first line, where CloudCompare looks for them.
-    Returns what the columns are."""
+    """Write columns separated by blanks, their names after // in the first line, as CloudCompare expects; returns the
+    side-car's details."""
     count, names = 0, ()
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="ascii") as file:
         for portion in cloud.portions():
@@ -117,7 +116,7 @@ def write_xyz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
                 names = ("x", "y", "z", "stamp", *portion.columns)
                 file.write(f"//{' '.join(names)}\n")
             form = " ".join(
-                ["%.4f", "%.4f", "%.4f", "%.6f", *(_FORMS[each.dtype.kind] for each in portion.columns.values())]
+                ["%.4f", "%.4f", "%.4f", "%.6f", *(_FORMS[column.dtype.kind] for column in portion.columns.values())]
             )
             for first in range(0, len(portion.points), _AT_A_TIME):
                 rows = _rows(portion, slice(first, first + _AT_A_TIME))
@@ -127,15 +126,15 @@ def write_xyz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
 
 
 def _rows(portion: Portion, some: slice) -> "zip[tuple[Any, ...]]":
-    """The numbers of some points; + 0.0 takes the sign from zeros."""
+    """Rows of numbers; + 0.0 removes the sign of zeros."""
     places = np.round(portion.points[some], 4) + 0.0
     columns = (column[some].tolist() for column in (*places.T, portion.stamps, *portion.columns.values()))
     return zip(*columns, strict=True)
 
 
 def write_e57(path: Path, cloud: Cloud) -> Mapping[str, Any]:
-    """Write places, and echo strengths where there are any, portion by portion; the time of a scan is that of its
-    beginning, as GPS time. Returns what counts from what."""
+    """Write one E57 scan per portion: coordinates, echo strengths if any, and the scan's start as GPS time; returns the
+    side-car's details."""
     from pye57 import E57
     from pye57 import e57 as library
 
@@ -157,13 +156,13 @@ def write_e57(path: Path, cloud: Cloud) -> Mapping[str, Any]:
 
 @contextmanager
 def _guids_from(module: Any, seed: str) -> Generator[None]:
-    """GUIDs that follow from what is written, where pye57 draws them: the same map gives the same bytes."""
-    drawn, number = module.uuid, count()
+    """Replace pye57's random GUIDs by ones that follow from the content, so that the same map gives the same bytes."""
+    original, number = module.uuid, count()
     module.uuid = SimpleNamespace(uuid4=lambda: uuid5(NAMESPACE_OID, f"{seed} {next(number)}"))
     try:
         yield
     finally:
-        module.uuid = drawn
+        module.uuid = original
 
 
 def _write_portion(file: Any, portion: Portion, timed: bool) -> None:
@@ -181,22 +180,23 @@ def _write_portion(file: Any, portion: Portion, timed: bool) -> None:
 
 _SCALE = 0.001  # [m]
 _STANDARD_GPS = 1e9  # adjusted standard GPS time is GPS time less this [s]
-_BRIGHTEST = 65_535  # intensity has 16 bits
-_DIMENSIONS = {  # beside those that every LAS file has: type, and what it is in at most 31 letters
+_BRIGHTEST = 65_535  # largest intensity of 16 bits
+_DIMENSIONS = {  # extra dimensions of a LAS file: type, and description of at most 31 letters
     "sigma": ("f4", "std. deviation of a coord. [m]"),
     "count": ("u4", "sonar points in the voxel"),
     "seen": ("u2", "scans that saw the voxel"),
     "scan": ("u4", "scan with most of its points"),
     "survey": ("u2", "survey of that scan"),
 }
-# Cells along a node's edge, in each of which it keeps one point; the others go to its children, unless they are few.
-_CELLS, _FEW, _DEEPEST = 128, 50_000, 12
+_CELLS = 128  # along a node's edge; the node keeps one point of each, and its children the others
+_FEW = 50_000  # largest number of points that a node keeps whole, without children
+_DEEPEST = 12  # depth of the octree
 _INFO, _ENTRY = "<5d2Q2d88x", "<4iQ2i"  # of the specification: sections "info VLR" and "hierarchy VLR"
 
 
 def write_laz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
-    """Write points as LAZ 1.4, portion by portion: x, y and z [m] to the millimeter, CRS as WKT 1; returns what the
-    other numbers mean."""
+    """Write LAZ 1.4, portion by portion: x, y and z [m] to the millimeter, CRS as WKT 1; returns the side-car's
+    details."""
     import laspy
 
     header, scale = cloud_header(cloud), intensity_scale(cloud)
@@ -219,7 +219,7 @@ def cloud_header(cloud: Cloud) -> Any:
 
 
 def las_points(portion: Portion, header: Any, scale: float | None, timed: bool) -> Any:
-    """The points of a portion as laspy has them; `scale` is what echo strengths are multiplied by."""
+    """The points of a portion as a laspy record; echo strengths are multiplied by `scale`."""
     import laspy
 
     points, columns = laspy.ScaleAwarePointRecord.zeros(len(portion.points), header=header), portion.columns
@@ -237,13 +237,13 @@ def las_points(portion: Portion, header: Any, scale: float | None, timed: bool) 
 
 
 def intensity_scale(cloud: Cloud) -> float | None:
-    """What brings the strongest echo to the largest number of 16 bits; None where there are no echo strengths."""
+    """Factor from echo strengths to 16 bits, the strongest to the largest number; None without echo strengths."""
     strongest = cloud.strongest
     return _BRIGHTEST / strongest if strongest > 0 else None
 
 
 def meaning(cloud: Cloud, count: int) -> dict[str, Any]:
-    """What the numbers of a LAS file of a cloud mean, and how many points it has."""
+    """Details of a LAS file's side-car: the number of points and the meaning of its dimensions."""
     whose = "the scan" if cloud.scans is not None else "the scan with most of the voxel's points"
     scale = intensity_scale(cloud)
     return {
@@ -263,13 +263,13 @@ def meaning(cloud: Cloud, count: int) -> dict[str, Any]:
 def las_header(
     projection: Projection | None, least: np.ndarray, dimensions: Mapping[str, tuple[str, str]], timed: bool
 ) -> Any:
-    """The header of a LAS 1.4 file of point format 6, to the millimeter, with its CRS, if any, as WKT 1.
+    """Header of a LAS 1.4 file of point format 6, to the millimeter, with its CRS, if any, as WKT 1.
 
     Args:
-        projection: of the coordinates; None for a map's own.
-        least: (3,) easting, northing, height [m] near the points, from which they are counted.
-        dimensions: beside those of every LAS file: type, and what it is in at most 31 letters.
-        timed: whether points have times, as `gps_times` has them.
+        projection: of the coordinates; None for a map's frame.
+        least: (3,) easting, northing, height [m] near the points, the file's offsets.
+        dimensions: extra dimensions: type, and description of at most 31 letters.
+        timed: whether times are those of `gps_times`.
     """
     import laspy
 
@@ -287,12 +287,12 @@ def las_header(
 
 
 def gps_times(stamps: np.ndarray, timed: bool) -> np.ndarray:
-    """(N,) adjusted standard GPS time [s] of stamps [s, UTC]; the stamps where they are no times."""
+    """(N,) adjusted standard GPS time [s] of stamps [s, UTC]; the stamps themselves if they are not times."""
     return gps_of_utc(stamps) - _STANDARD_GPS if timed else stamps
 
 
 def _within(column: np.ndarray, kind: str) -> np.ndarray:
-    """The column in this type, what is beyond its largest number as that."""
+    """The column converted to the type `kind`, clipped to its largest number."""
     dtype = np.dtype(kind)
     if dtype.kind == "f":
         return column.astype(dtype)
@@ -300,8 +300,8 @@ def _within(column: np.ndarray, kind: str) -> np.ndarray:
 
 
 def write_copc(path: Path, cloud: Cloud) -> Mapping[str, Any]:
-    """Write the points that `write_laz` writes; returns what their numbers mean. Their places are in memory, about 130
-    bytes for each point with what sorts them, and the rest on disk."""
+    """Write the points of `write_laz` as COPC; returns the side-car's details. Coordinates and their order are held in
+    memory, about 130 bytes per point, and the rest on disk."""
     header, scale, places = cloud_header(cloud), intensity_scale(cloud), list[np.ndarray]()
     with tempfile.TemporaryFile(prefix="sonarmap.") as file, atomic_path(path) as temporary:
         for portion in cloud.portions():
@@ -317,15 +317,15 @@ def write_copc(path: Path, cloud: Cloud) -> Mapping[str, Any]:
 
 
 def _write(file: BinaryIO, header: Any, places: np.ndarray, records: np.ndarray) -> None:
-    """Write the header, a chunk for each node, and where these are; then the header again, which says that too."""
+    """Write the header, a chunk for each node, and the hierarchy; then the header again with their offsets."""
     import laspy
     from laspy.vlrs.known import LasZipVlr
     from laspy.vlrs.vlrlist import VLRList
 
     lazrs: Any = import_module("lazrs")
     low = places.min(axis=0)
-    # `grow` begins at 0
-    header.mins, header.maxs = (each * header.scales + header.offsets for each in (low, places.max(axis=0)))
+    # the extent from `grow` includes 0
+    header.mins, header.maxs = (corner * header.scales + header.offsets for corner in (low, places.max(axis=0)))
     places -= low
     edge = int(places.max()) + 1
     half = edge * float(header.scales[0]) / 2
@@ -362,21 +362,21 @@ def _write(file: BinaryIO, header: Any, places: np.ndarray, records: np.ndarray)
 
 
 def _nodes(places: np.ndarray, edge: int) -> Iterator[tuple[tuple[int, int, int, int], np.ndarray]]:
-    """Depth, x, y and z of every node, and which points (k,) it has, of places (N, 3) int32 from 0 below `edge`."""
-    left = np.arange(len(places), dtype=np.int32)
+    """Depth, x, y and z of every node, and the indices (k,) of its points, of places (N, 3) int32 from 0 to `edge`."""
+    rest = np.arange(len(places), dtype=np.int32)
     for depth in range(_DEEPEST + 1):
-        node, cell = np.zeros(len(left), np.int64), np.zeros(len(left), np.int64)
+        node, cell = np.zeros(len(rest), np.int64), np.zeros(len(rest), np.int64)
         for axis in range(3):
-            step = places[left, axis].astype(np.int64) * (_CELLS << depth) // edge
+            step = places[rest, axis].astype(np.int64) * (_CELLS << depth) // edge
             node, cell = node << BITS | step // _CELLS, cell << BITS | step
         nodes, inverse, size = np.unique(node, return_inverse=True, return_counts=True)
-        kept = (size <= _FEW)[inverse] if depth < _DEEPEST else np.ones(len(left), bool)
+        kept = (size <= _FEW)[inverse] if depth < _DEEPEST else np.ones(len(rest), bool)
         kept[np.unique(cell, return_index=True)[1]] = True
         order = np.flatnonzero(kept)[np.argsort(inverse[kept], kind="stable")]
         ends = np.cumsum(np.bincount(inverse[kept], minlength=len(nodes)))
-        for key, chosen in zip(nodes.tolist(), np.split(left[order], ends[:-1]), strict=True):
+        for key, chosen in zip(nodes.tolist(), np.split(rest[order], ends[:-1]), strict=True):
             x, y, z = (key >> BITS * k & (1 << BITS) - 1 for k in (2, 1, 0))
             yield (depth, x, y, z), chosen
-        left = left[~kept]
-        if not len(left):
+        rest = rest[~kept]
+        if not len(rest):
             return

@@ -1,4 +1,4 @@
-"""The formats of other programs. A new one is a writer in a module of its own and a row of FORMATS."""
+"""The formats of other programs. A new format is a writer in a module of its own and a row of FORMATS."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.extras import require
 from sonarmap.tools.files.time_scales import TIMES
 
-if TYPE_CHECKING:  # the command line names the formats in its help, which is to come at once
+if TYPE_CHECKING:  # the command line lists the formats in its help, which should appear at once
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:  # the command line names the formats in its help, which is to
     from sonarmap.tools.products.export.clouds import Cloud
     from sonarmap.tools.products.export.georeferenced import MapGrid
 
-_ALIKE = 0.85  # a name is taken for one that it is so much alike: geotif
+_MIN_SIMILARITY = 0.85  # of a misspelled name, such as geotif, to the format that it is taken for
 
-# What the height of a cell is: name, and what it says of a cell in words.
+# Kinds of a cell's height: name and description.
 HEIGHTS = {
     "top": "mean of the points within one voxel below the cell's highest, weighted by 1 / sigma^2",
     "mean": "mean of the cell's points, weighted by 1 / sigma^2",
@@ -34,40 +34,39 @@ HEIGHTS = {
 class ExportFormat:
     """A format that a map is exported to."""
 
-    file: str  # its name, with a place for the part's suffix
-    # "module:function" of tools/products/export, called with the file's path and, of points, a `Cloud`, of surfaces a
-    # `MapPart` and a cell, else a `Georeferenced` where the format needs a place, or folder, part, and `Georeferenced`
-    # or None; returns what the side-car says beyond what all say
+    file: str  # its name, with {} for the part's suffix
+    # "module:function" of tools/products/export. Its arguments are the path and: a `Cloud` if `of_points`; a `MapPart`
+    # and the cell if `of_surface`; a `Georeferenced` if the format needs a place; else folder, part, and a
+    # `Georeferenced` or None. It returns the details of the side-car
     writer: str
-    words: str  # what it is
-    # which its numbers are: projected, latitude and longitude, or the map's own
+    words: str  # its description
     coordinates: Literal["projected", "geographic", "map"] = "projected"
-    of_all_parts: bool = False  # whether one file is about all parts of a map
-    of_points: bool = False  # whether it holds points, which may be those of scans; without a place in the map's frame
+    of_all_parts: bool = False  # whether one file holds all parts of a map
+    of_points: bool = False  # whether it holds points, of the map or of scans, if need be in the map's frame
     of_surface: bool = False  # whether it holds a mesh
     of_grid: bool = False  # whether it holds a grid from above
-    beside: tuple[str, ...] = ()  # the names of further files that the writer may write
-    stamps: tuple[float, float] = (-math.inf, math.inf)  # from where on and up to where the scans' stamps must lie [s]
-    library: str | None = None  # a module that an extra of sonarmap brings, without which it cannot be written
+    beside: tuple[str, ...] = ()  # names of further files that the writer may write
+    stamps: tuple[float, float] = (-math.inf, math.inf)  # range in which the scans' stamps must lie [s]
+    library: str | None = None  # module of an extra of sonarmap that the writer needs
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The names of all its files, each with a place for the part's suffix."""
+        """Names of all its files, with {} for the part's suffix."""
         return self.file, *self.beside
 
     def name(self, part: MapPart, of_scans: bool) -> str:
-        """The name of a part's file; of scans' points it is points.laz, and so on."""
+        """Name of a part's file; points of scans are named points.laz and so on."""
         name = self.file.format(part.suffix)
         return name.replace("map", "points", 1) if self.of_points and of_scans else name
 
     @property
     def fits_map_frame(self) -> bool:
-        """Whether --crs map writes it in the map's own frame."""
+        """Whether --crs map writes it in the map's frame."""
         return self.of_points or self.of_grid
 
     @property
     def needs_place(self) -> bool:
-        """Whether it holds places on the Earth, so that a part without one cannot be written."""
+        """Whether it can be written only of parts whose place on the Earth is known."""
         return self.coordinates != "map"
 
     def write(
@@ -79,8 +78,8 @@ class ExportFormat:
         cloud: Cloud | None = None,
         cell: float | None = None,
     ) -> Mapping[str, Any]:
-        """Write one part of a map, and return what its side-car says beyond what all of them say; `cloud` is for
-        formats of points, `cell` [m] for those of surfaces; a grid that is not on the Earth is a plain `MapGrid`."""
+        """Write one part of a map and return the details of its side-car; `cloud` is for formats of points, `cell` [m]
+        for meshes, and `earth` a plain `MapGrid` for a grid in the map's frame."""
         module, function = self.writer.split(":")
         write = getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
         if self.of_points or self.of_surface:
@@ -147,16 +146,16 @@ FORMATS = {
 
 
 def known_formats(names: Iterable[str]) -> list[str]:
-    """The names, each once; a name that is nearly right counts as the format that it is most like."""
+    """The named formats without repetition; a misspelled name counts as the format that it resembles most."""
     known: dict[str, None] = {}
     for given in names:
         name = given.strip().lower()
         if name not in FORMATS:
-            alike = get_close_matches(name, FORMATS, 1, _ALIKE)
-            if not alike:
+            matches = get_close_matches(name, FORMATS, 1, _MIN_SIMILARITY)
+            if not matches:
                 near = "".join(f"did you mean {other}? Else " for other in get_close_matches(name, FORMATS, 1))
                 raise InputError(f"{name!r}; {near}choose from {', '.join(FORMATS)}, several separated by commas")
-            name = alike[0]
+            name = matches[0]
         if library := FORMATS[name].library:
             require(library)
         known[name] = None

@@ -1,4 +1,4 @@
-"""A finished map with its places on the Earth: the numbers that all formats share, so that they agree."""
+"""A finished map on the Earth: the numbers that all export formats share, so that they agree."""
 
 import warnings
 from collections.abc import Sequence
@@ -13,37 +13,37 @@ from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.products.export.grid import Cells, cells_of, check_size, shown_heights
 
-# A standard deviation that says nothing of the angle: a sensor that looks straight down has neither roll nor heading
+# Sigma of an undetermined angle [deg]: a sensor that looks straight down has neither roll nor heading
 _ANY_ANGLE = 180.0
 
 
-@dataclass(frozen=True)  # without slots: what is computed is kept
+@dataclass(frozen=True)  # without slots, for cached properties
 class MapGrid:
-    """One part of a map from above, in its own frame: M points of its surface, and the cells of a grid of them."""
+    """One part of a map seen from above, in its own frame: the M points of its surface, and the cells of its grid."""
 
-    folder: Map  # the map
-    part: MapPart  # of it
+    folder: Map
+    part: MapPart
     cell: float | None = field(default=None, kw_only=True)  # edge of a cell of grids and pictures [m]; None for a voxel
-    height: str = field(default="top", kw_only=True)  # of a cell, a name of `formats.HEIGHTS`
+    height: str = field(default="top", kw_only=True)  # kind of a cell's height, a name of `formats.HEIGHTS`
 
     @cached_property
     def surface(self) -> MapPart:
-        """The part with the M points alone that are part of a surface."""
+        """The part reduced to the M points that lie on a surface."""
         return self.folder.surface(self.part)
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(M, 3) of the surface's points; the last is the height [m]."""
+        """(M, 3) coordinates of the surface's points; the last is the height [m]."""
         return self.surface.points
 
     @cached_property
     def projected_points(self) -> np.ndarray:
-        """(M, 3) x, y and height [m] of the surface's points, in the coordinates of grids."""
+        """(M, 3) x, y and height [m] of the surface's points, in the grid's coordinates."""
         return self.points
 
     @cached_property
     def shown_heights(self) -> tuple[float, float]:
-        """Between which heights [m] colors change."""
+        """Lower and upper end of the color scale [m]."""
         return shown_heights(self.points[:, 2], self.surface.columns["seen"])
 
     @property
@@ -52,25 +52,24 @@ class MapGrid:
         return self.cell or self.folder.voxel
 
     def projected_cells(self) -> tuple[Cells, int, int, tuple[int, int]]:
-        """The cells with points of a grid north up, its left and upper edges [cells], and its rows and columns."""
-        place = np.floor(self.projected_points[:, :2] / self.cell_m).astype(np.int64)
-        left, top = int(place[:, 0].min()), int(place[:, 1].max()) + 1
-        row, column = top - 1 - place[:, 1], place[:, 0] - left
+        """Filled cells of a north-up grid, its left and upper edges [cells], and its numbers of rows and columns."""
+        index = np.floor(self.projected_points[:, :2] / self.cell_m).astype(np.int64)
+        left, top = int(index[:, 0].min()), int(index[:, 1].max()) + 1
+        row, column = top - 1 - index[:, 1], index[:, 0] - left
         shape = int(row.max()) + 1, int(column.max()) + 1
         check_size(*shape, self.cell_m)
         return self.cells(row, column), left, top, shape
 
     def cells(self, row: np.ndarray, column: np.ndarray, chosen: np.ndarray | slice = slice(None)) -> Cells:
-        """The cells of a grid with the surface's `chosen` points in row and column (M,) int64, none negative."""
+        """The cells of a grid that has the surface's `chosen` points at row and column (M,) int64, not negative."""
         height, count = self.points[chosen, 2], self.surface.columns["count"][chosen]
         return cells_of(self.height, row, column, height, self.surface.height_sigma[chosen], count, self.folder.voxel)
 
 
-@dataclass(frozen=True)  # without slots: what is computed is kept
+@dataclass(frozen=True)  # without slots, for cached properties
 class Georeferenced(MapGrid):
-    """One part of a map whose place on the Earth is known, of n scans, and M points of their surface. Angles are the
-    sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch positive nose
-    up, heading clockwise from North."""
+    """One part of a map on the Earth: its n scans, and the M points of its surface. Angles are those of the sensor, as
+    in `readers.instruments`: roll positive starboard down, pitch positive nose up, heading clockwise from North."""
 
     georeference: Georeference  # of the part's frame
     projection: Projection  # the CRS of projected coordinates
@@ -87,35 +86,34 @@ class Georeferenced(MapGrid):
 
     @cached_property
     def poses(self) -> np.ndarray:
-        """(n, 3) latitude, longitude [deg], height [m] of the scans."""
+        """(n, 3) latitude, longitude [deg], height [m] of the scans' sensors."""
         return self.georeference.geodetic(self.part.trajectory.T_world_sensor.translation)
 
     @cached_property
     def projected_poses(self) -> np.ndarray:
-        """(n, 3) easting, northing, height [m] of the scans."""
+        """(n, 3) easting, northing, height [m] of the scans' sensors."""
         return self.projection.project(self.poses)
 
     @cached_property
     def rotations(self) -> Rotation:
-        """R_enu_sensor of the n scans, East-North-Up at each scan's own place: meridians converge."""
-        to_east = Rotation.from_euler("z", EAST - self.georeference.heading, degrees=True)
+        """R_enu_sensor of the n scans, with East-North-Up at each scan's position, as meridians converge."""
+        R_enu_map = Rotation.from_euler("z", EAST - self.georeference.heading, degrees=True)
         latitude, longitude, _ = self.poses.T
-        apart = (longitude - self.georeference.longitude + 180) % 360 - 180
-        # North turns against the map's by the meridians' convergence; what else the Earth's curvature tilts (1e-5 rad
-        # in 100 m) is left out, as the map's z follows it
+        difference = (longitude - self.georeference.longitude + 180) % 360 - 180
+        # The Earth's curvature also tilts the frame, by 1e-5 rad in 100 m; this is neglected, as the map's z follows it
         middle = np.radians((latitude + self.georeference.latitude) / 2)
-        turned = Rotation.from_euler("z", -(apart * np.sin(middle))[:, None], degrees=True)
-        R: Rotation = turned * to_east * self.part.trajectory.T_world_sensor.rotation
+        convergence = Rotation.from_euler("z", -(difference * np.sin(middle))[:, None], degrees=True)
+        R: Rotation = convergence * R_enu_map * self.part.trajectory.T_world_sensor.rotation
         return R
 
     @property
     def names(self) -> list[str]:
-        """Of the n scans."""
+        """Names of the n scans."""
         return [self.folder.names[scan] for scan in self.part.scans]
 
     @property
     def stamps(self) -> np.ndarray:
-        """(n,) [s] of the scans."""
+        """(n,) stamps of the scans [s]."""
         return self.part.trajectory.stamps
 
     @property
@@ -128,17 +126,17 @@ class Georeferenced(MapGrid):
 
     @cached_property
     def utc(self) -> Sequence[str]:
-        """The n scans' times, ISO 8601; empty text where they are not known."""
+        """Times of the n scans, ISO 8601; empty where they are not known."""
         return utc_texts(self.stamps)
 
     @cached_property
     def surveys(self) -> list[int]:
-        """As `Map.surveys`."""
+        """Survey of each scan."""
         return self.folder.surveys(self.part)
 
     @property
     def lines(self) -> list[np.ndarray]:
-        """The track as lines: indices of the scans of each survey, where it has two or more."""
+        """Track of each survey with two or more scans, as indices of its scans."""
         surveys = np.asarray(self.surveys)
         chosen = (np.flatnonzero(surveys == number) for number in np.unique(surveys))
         return [indices for indices in chosen if len(indices) > 1]
@@ -147,23 +145,23 @@ class Georeferenced(MapGrid):
     def attitudes(self) -> np.ndarray:
         """(n, 3) roll, pitch, true heading [deg]; the heading in [0, 360)."""
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Gimbal lock")  # straight down; the three angles are right together
+            warnings.filterwarnings("ignore", "Gimbal lock")  # looking straight down: a valid set of angles is chosen
             yaw, pitch, roll = self.rotations.as_euler("ZYX", degrees=True).T
         return np.column_stack([roll, -pitch, (90.0 - yaw) % 360.0])
 
     @cached_property
     def convergences(self) -> np.ndarray:
-        """(n,) [deg]: the true heading less the grid heading."""
+        """(n,) meridian convergence [deg]: true heading less grid heading."""
         return self.projection.convergence(self.poses)
 
     @property
     def grid_headings(self) -> np.ndarray:
-        """(n,) from grid North [deg], in [0, 360)."""
+        """(n,) headings from grid North [deg], in [0, 360)."""
         return (self.attitudes[:, 2] - self.convergences) % 360.0
 
     @cached_property
     def covariances(self) -> np.ndarray:
-        """(n, 6, 6) of the errors East, North, Up [m] and of a turn about East, North, Up [rad], at the sensor."""
+        """(n, 6, 6) covariances of shift along [m] and rotation about [rad] East, North, Up, at the sensor."""
         to_enu = np.zeros_like(self.part.covariances)
         to_enu[:, :3, 3:] = to_enu[:, 3:, :3] = self.rotations.as_matrix()
         return to_enu @ self.part.covariances @ to_enu.mT
@@ -172,7 +170,7 @@ class Georeferenced(MapGrid):
     def sigmas(self) -> np.ndarray:
         """(n, 6) standard deviations of East, North, Up [m], roll, pitch, heading [deg], at most 180."""
         roll, pitch = np.radians(self.attitudes[:, 0]), -np.radians(self.attitudes[:, 1])
-        # What small turns about the sensor's axes do to the angles of Rz(yaw) Ry(pitch) Rx(roll)
+        # derivatives of the angles of Rz(yaw) Ry(pitch) Rx(roll) by small rotations about the sensor's axes
         J = np.zeros((len(roll), 3, 3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             J[:, 0] = np.column_stack([np.ones_like(roll), np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)])

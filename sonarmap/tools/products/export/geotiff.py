@@ -1,8 +1,8 @@
-"""GeoTIFF: the map from above, north up in projected coordinates, or in the map's own frame. KMZ for Google Earth and
-the like: a map's track, where it starts and ends, and pictures on the ground.
+"""GeoTIFF: the map from above, north up in projected coordinates, or in the map's frame. KMZ for Google Earth and
+similar programs: a map's track, its start and end, and pictures on the ground.
 
-A KMZ is clamped to the ground, which on the sea is the water's surface: below it Google Earth's own sea floor, coarse
-and often above the true one, would hide the map. The coordinates have their heights all the same.
+A KMZ is clamped to the ground, at sea the water's surface: Google Earth's sea floor is coarse and would hide a map at
+its true height. The coordinates contain the heights nevertheless.
 """
 
 import re
@@ -31,7 +31,7 @@ from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, empty_shar
 NODATA = -9999.0
 _BLOCK = 256  # edge of a tile
 _BANDS = ("height", "sigma", "count")
-_STEPS = 17  # of the colors in QGIS, which blends between them
+_STEPS = 17  # number of colors in QGIS, which interpolates between them
 _PROFILE: dict[str, Any] = {
     "driver": "GTiff",
     "dtype": "float32",
@@ -48,15 +48,15 @@ _PROFILE: dict[str, Any] = {
 
 
 def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
-    """Write the heights that `grid.height` names (band 1), standard deviations (2), and how many sonar points (3).
-    Cells are `grid.cell_m` wide; their edges lie at multiples of that, so that grids of two maps fit each other. A cell
-    without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows it in. Returns what
-    the bands mean."""
+    """Write heights of the kind `grid.height` (band 1), standard deviations (2) and numbers of sonar points (3), and a
+    style for QGIS beside the file; return the side-car's details.
+
+    Edges of cells lie at multiples of `grid.cell_m`, so that grids of two maps fit. Cells without points are empty."""
     import rasterio
 
     cell = grid.cell_m
     cells, left, top, (rows, columns) = grid.projected_cells()
-    # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
+    # The vertical CRS is in the tags alone: many programs expect the code of a 2D CRS, and GDAL loses that of a 3D one
     on_earth = isinstance(grid, Georeferenced)
     crs = rasterio.CRS.from_wkt(grid.projection.crs.to_wkt()) if on_earth else None
     place = {"crs": crs, "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)}
@@ -71,7 +71,7 @@ def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
     return {
         "band_1": f"height [m], positive up: {HEIGHTS[grid.height]}",
         "band_2": "standard deviation of the height [m]",
-        "band_3": "number of sonar points that the height is from, or of those in the cell if it is one of them",
+        "band_3": "number of sonar points behind the height, or of all in the cell if the height is that of one point",
         "cell_m": cell,
         "empty_share": empty_share(places, cell, reach),
         "sufficient_cell_m": sufficient_cell(places, cell, reach),
@@ -96,7 +96,7 @@ def _describe(raster: Any, grid: MapGrid) -> None:
 
 
 def _fill(raster: Any, cells: Cells, rows: int, columns: int) -> None:
-    """Write the tiles that hold points, a row of tiles at a time; what is not written reads as no value."""
+    """Write the tiles that hold points, one row of tiles at a time; missing tiles read as NODATA."""
     from rasterio.windows import Window
 
     starts = np.searchsorted(cells.row, np.arange(0, rows + _BLOCK, _BLOCK))
@@ -114,7 +114,7 @@ def _fill(raster: Any, cells: Cells, rows: int, columns: int) -> None:
 
 
 def _require_whole(temporary: Path, path: Path) -> None:
-    """Read the raster once: GDAL writes its last tiles when it closes a file, and does not say if the disk is full."""
+    """Read the raster once: GDAL writes its last tiles on closing a file, and does not report a full disk."""
     import rasterio
     from rasterio.errors import RasterioError
 
@@ -123,13 +123,13 @@ def _require_whole(temporary: Path, path: Path) -> None:
             for _, window in raster.block_windows(1):
                 raster.read(window=window)
     except RasterioError as error:
-        raise InputError(f"cannot write {path}: {error}. Make room, or choose another folder") from error
+        raise InputError(f"cannot write {path}: {error}; free disk space, or choose another folder") from error
 
 
 def _qgis_style(grid: MapGrid) -> bytes:
-    """Band 1 in the colors of the KMZ's picture: left alone, QGIS mixes the three bands to red, green and blue. QGIS
-    reads the file of the same name when it opens the raster. Nothing else may have that name: a KML layer beside a
-    style for rasters loses its own colors."""
+    """Style that shows band 1 in the colors of the KMZ's picture; by default QGIS mixes the three bands to RGB.
+
+    QGIS applies the style to every layer of the same name; a KML layer of that name would lose its colors."""
     from matplotlib import colormaps, colors
 
     low, high = grid.shown_heights
@@ -157,24 +157,24 @@ _LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
     name: {"@x": x, "@y": y, "@xunits": "fraction", "@yunits": "fraction"}
     for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
 }
-_NARROWEST = 100.0  # of what is in view at first [m]
-_LARGEST, _SMALLEST = 4096, 1024  # edge of a picture: beyond it graphics cards shrink it, below it edges are blurred
-_DEGREE = 111_195.0  # of latitude on the mean sphere [m]; a pixel's size need not be exact
+_NARROWEST = 100.0  # smallest extent of the initial view [m]
+_LARGEST, _SMALLEST = 4096, 1024  # edge of a picture [px]: graphics cards shrink larger ones and blur smaller ones
+_DEGREE = 111_195.0  # length of a degree of latitude on the mean sphere [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A PNG on the Earth."""
+    """A georeferenced PNG."""
 
-    png: bytes  # the file
+    png: bytes
     box: dict[str, float]  # north, south, east, west [deg]; west is less than east
 
 
 def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
-    """Write the track of a part, with times where the scans have them, the map from above as a picture on the ground,
-    and a legend, as KML 2.2 in a zip archive; returns what the picture shows."""
+    """Write the track of a part, with times if the scans have them, the map from above as a picture on the ground, and
+    a legend, as KML 2.2 in a zip archive; return the side-car's details."""
     pictures = [(f"files/map_{number}.png", picture) for number, picture in enumerate(pictures_of(earth), 1)]
-    # the document comes first, where readers look for it
+    # readers expect the document first
     contents = [("doc.kml", _document(earth, pictures)), *((name, picture.png) for name, picture in pictures)]
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, content in (*contents, (_LEGEND, legend_of(earth))):
@@ -189,7 +189,7 @@ def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
 
 
 def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]]) -> bytes:
-    """The document in UTF-8; `pictures` of the map, with their paths in the archive."""
+    """The KML document in UTF-8; `pictures` are those of the map, with their paths in the archive."""
     part, track = earth.part, {"tessellate": "1", **_CLAMPED}
     track["coordinates"] = "\n".join(_coordinate(place, ",") for place in earth.poses)
     ends = [_place(earth, "start", 0), _place(earth, "end", -1)]
@@ -211,8 +211,8 @@ def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]]) -> 
 
 
 def xml_bytes(tag: str, content: Mapping[str, Any]) -> bytes:
-    """A document in UTF-8, of attributes (@name) and of children with texts or contents of their own; a list is several
-    of the same name. Characters that XML cannot hold (of a file's name) become question marks."""
+    """An XML document in UTF-8. Keys of `content` are attributes (@name) or children, whose values are texts, mappings,
+    or lists of these. Characters that XML cannot hold, as in file names, become question marks."""
     root = Element(tag)
     _fill_element(root, content)
     ElementTree.indent(root)
@@ -225,16 +225,16 @@ def _fill_element(element: Element, content: Mapping[str, Any]) -> None:
         if name.startswith("@"):
             element.set(name[1:], value)
             continue
-        for each in value if isinstance(value, list) else [value]:
+        for inner in value if isinstance(value, list) else [value]:
             child = SubElement(element, name)
-            if isinstance(each, str):
-                child.text = _NOT_IN_XML.sub("?", each)
+            if isinstance(inner, str):
+                child.text = _NOT_IN_XML.sub("?", inner)
             else:
-                _fill_element(child, each)
+                _fill_element(child, inner)
 
 
 def _described(words: str) -> str:
-    """A description, which Google Earth takes for HTML: what a scan's name has of that is shown as it is."""
+    """A description with HTML escaped, as Google Earth shows descriptions as HTML."""
     return escape(words, quote=False)
 
 
@@ -252,7 +252,7 @@ def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
 
 
 def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:
-    """The same with times, for the time slider, in order of time, which programs expect; none without times."""
+    """The track with times for the time slider, in order of time; empty if the scans have none."""
     if not earth.timed:
         return []
     track = {
@@ -272,14 +272,14 @@ def _place(earth: Georeferenced, name: str, k: int) -> dict[str, Any]:
 
 
 def _coordinate(place: np.ndarray, separator: str) -> str:
-    """Longitude, latitude [deg] and height [m] of a place (3,): to a tenth of a millimeter."""
+    """Longitude, latitude [deg] and height [m] of a place (3,), to a tenth of a millimeter."""
     latitude, longitude, height = place.tolist()
     return separator.join((f"{longitude:.10f}", f"{latitude:.10f}", f"{height:.4f}"))
 
 
 def pictures_of(earth: Georeferenced) -> list[Picture]:
-    """The map from above, colored by height, clear where there are no points: one picture, two across 180 degrees. A
-    pixel shows the same height as a cell of the GeoTIFF would there."""
+    """The map from above, colored by height, transparent where there are no points: one picture, or two across the
+    180th meridian. Pixels have the heights of the GeoTIFF's cells."""
     from matplotlib import colormaps
 
     latitude, longitude, _ = earth.points.T
@@ -288,7 +288,7 @@ def pictures_of(earth: Georeferenced) -> list[Picture]:
     across = _DEGREE * np.cos(np.radians(np.abs(latitude).min()))
     extents = np.ptp(latitude) * _DEGREE, np.ptp(longitude) * across
     cell = max(earth.cell_m, *(extent / _LARGEST for extent in extents))
-    # columns that go round the Earth evenly, so that 180 degrees is the edge of a column
+    # a whole number of columns around the Earth, so that 180 degrees is the edge of a column
     around, down = round(360 * across / cell), cell / _DEGREE
     row = np.floor((90 - latitude) / down).astype(np.int64)
     column = np.floor((longitude + 180) / 360 * around).astype(np.int64)

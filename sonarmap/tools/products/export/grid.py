@@ -1,9 +1,8 @@
-"""A map from above, as a grid with one height for every cell, whatever walls and overhangs there are; and a mesh of it.
+"""A map from above as a grid with one height per cell, also where there are walls and overhangs; and a mesh of it.
 
-The height of a cell is that of its uppermost surface: the mean of the points that lie within one voxel below its
-highest point, weighted by 1 / sigma^2. On a bed that is the weighted mean that CUBE and BAG grids hold; where there
-are several surfaces above one another, it is the shoalest, as on a chart: what is above a wall's foot or below an
-overhang does not pull it down.
+The height of a cell is that of its uppermost surface: the mean of the points within one voxel below its highest point,
+weighted by 1 / sigma^2. On a bed that is the weighted mean of CUBE and BAG grids. Of several surfaces above one another
+it is the shoalest, as on a chart: points at a wall's foot or below an overhang do not lower it.
 """
 
 from collections.abc import Mapping
@@ -20,11 +19,11 @@ from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.points import float32_origin
 
 MOST_CELLS = 4_000_000_000  # of a grid, with or without points: 63 km square at 1 m
-HEIGHT_COLORS = "viridis"  # of matplotlib
-_EXTREMES = (0.01, 0.99)  # quantiles of the heights between which the colors change
-MANY_EMPTY = 0.05  # share of a grid's covered cells
-_FINE = 8  # cells to each side in a closing, at most
-_STRIP = 10_000_000  # cells that are closed at a time
+HEIGHT_COLORS = "viridis"  # matplotlib's color map
+_EXTREMES = (0.01, 0.99)  # quantiles of the heights at the ends of the color scale
+MANY_EMPTY = 0.05  # share of empty cells among the covered ones that is acceptable
+_FINE = 8  # largest radius of a morphological closing [cells]
+_STRIP = 10_000_000  # cells that are closed at a time, which bounds the memory
 _LEAST_SIGMA = 1e-6  # [m]
 
 
@@ -36,15 +35,15 @@ class Cells:
     row: np.ndarray
     column: np.ndarray
     height: np.ndarray  # (K,) float64 [m], positive up
-    sigma: np.ndarray  # (K,) float64, standard deviation of the height [m]: of the points, and how far they are apart
-    count: np.ndarray  # (K,) float64, number of sonar points that the height is from
+    sigma: np.ndarray  # (K,) float64, standard deviation of the height [m]: the points' sigmas and their scatter
+    count: np.ndarray  # (K,) float64, number of sonar points behind the height
 
 
 def top_cells(
     row: np.ndarray, column: np.ndarray, height: np.ndarray, sigma: np.ndarray, count: np.ndarray, voxel: float
 ) -> Cells:
-    """The uppermost surface of every cell: of M points with row and column (M,) int64, none negative, height and sigma
-    (M,) [m], and count (M,) of sonar points in each. Points up to a voxel [m] below the highest belong to it."""
+    """Uppermost surface of every cell: the points up to a voxel [m] below its highest point. The M points have row and
+    column (M,) int64, not negative, height and sigma (M,) [m], and count (M,) of sonar points."""
     width = int(column.max(initial=0)) + 1
     cells, cell = np.unique(row * width + column, return_inverse=True)
     top = np.full(len(cells), -np.inf)
@@ -58,7 +57,7 @@ def top_cells(
     weight = weight_of(sigma)
     total = summed(weight)
     mean = top + summed(weight * (height - top[cell])) / total
-    # errors of points close together are those of the poses that they share: they do not average out
+    # nearby points share the errors of their poses, which do not average out
     variance = summed(weight * (sigma**2 + (height - mean[cell]) ** 2)) / total
     return Cells(cells // width, cells % width, mean, np.sqrt(variance), summed(count))
 
@@ -72,7 +71,7 @@ def cells_of(
     count: np.ndarray,
     voxel: float,
 ) -> Cells:
-    """The heights that HEIGHTS names, of points as of `top_cells`; all points of a cell count."""
+    """Cells with heights of the kind `how`, a name of HEIGHTS; the other arguments are those of `top_cells`."""
     if how != "shoalest":
         return top_cells(row, column, height, sigma, count, voxel if how == "top" else np.inf)
     width = int(column.max(initial=0)) + 1
@@ -83,20 +82,20 @@ def cells_of(
 
 
 def round_cell(voxel: float) -> float:
-    """The least of 1, 2 and 5 times a power of ten that is not below the voxel [m]."""
+    """Smallest of 1, 2 and 5 times a power of ten that is not below the voxel [m]."""
     power = 10.0 ** np.floor(np.log10(voxel))
     return float(next(step for step in (power, 2 * power, 5 * power, 10 * power) if step >= voxel * (1 - 1e-9)))
 
 
 def default_cell(voxel: float) -> float:
-    """The edge of a cell where none is given [m]: of cells of one voxel a tenth would be empty, as points are means."""
+    """Default edge of a cell [m]; of cells as small as a voxel a tenth would be empty, as points are voxels' means."""
     return round_cell(2 * voxel)
 
 
 def empty_share(places: np.ndarray, cell: float, reach: float) -> float:
-    """The share of a grid's covered cells that hold no point of these places (M, 2) [m]: covered are those of the
+    """Share of a grid's covered cells without any of the points at `places` (M, 2) [m]. Covered are the cells of the
     morphological closing of all cells with points, by a square of twice the reach [m]."""
-    coarse = max(1, int(np.ceil(reach / cell / _FINE)))  # cells across one of the closing
+    coarse = max(1, int(np.ceil(reach / cell / _FINE)))  # edge of the closing's cells [cells]
     row, column = np.unique(np.floor(places / (coarse * cell)).astype(np.int64), axis=0).T
     row, column = row - row[0], column - column.min()
     side = int(reach / (coarse * cell) + 1e-9)
@@ -112,30 +111,29 @@ def empty_share(places: np.ndarray, cell: float, reach: float) -> float:
 
 
 def sufficient_cell(places: np.ndarray, cell: float, reach: float) -> float:
-    """The smallest edge [m], this one or a larger 1, 2 or 5 times a power of ten, whose `empty_share` is at most
-    MANY_EMPTY."""
+    """Smallest edge [m], `cell` or a larger 1, 2 or 5 times a power of ten, with an `empty_share` up to MANY_EMPTY."""
     while empty_share(places, cell, reach) > MANY_EMPTY:
         cell = round_cell(1.01 * cell)
     return cell
 
 
 def weight_of(sigma: np.ndarray) -> np.ndarray:
-    """(M,) float64 [1/m^2], the weights of points in the mean of a cell, of their standard deviations [m]."""
+    """(M,) float64 [1/m^2], weights of points in the mean of a cell, from their standard deviations [m]."""
     return np.maximum(sigma.astype(np.float64), _LEAST_SIGMA) ** -2
 
 
 def check_size(rows: int, columns: int, cell: float) -> None:
-    """Refuse a grid too large to be of use."""
+    """Refuse a grid with more than MOST_CELLS cells."""
     if rows * columns > MOST_CELLS:
         raise InputError(
             f"a grid with cells of {cell:g} m has {rows:,} rows and {columns:,} columns, more than {MOST_CELLS:,} "
-            "cells; give larger ones with --cell M"
+            "cells; give larger cells with --cell M"
         )
 
 
 def shown_heights(height: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
-    """Between which heights the colors change [m], of points with height (M,) [m] and the number of scans (M,) that saw
-    them: those of points that more than one scan saw, if there are any."""
+    """Lower and upper end of the color scale [m], for points with height (M,) [m] and the number of scans (M,) that saw
+    them; points that only one scan saw are ignored unless there are no others."""
     height = height[seen >= 2] if (seen >= 2).any() else height
     low, high = np.quantile(height, _EXTREMES).tolist()
     return (low, high) if high > low else (low - 0.5, high + 0.5)
@@ -149,7 +147,7 @@ class Mesh:
 
 
 def write_mesh(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
-    """Write a mesh through the uppermost surface of the map's cells [m], from above."""
+    """Write a mesh of the uppermost surface of the map's cells [m] as PLY or GLB; return the side-car's details."""
     from matplotlib import colormaps
 
     vertices, triangles = _through_grid(part, cell)
@@ -167,7 +165,7 @@ def write_mesh(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
 
 
 def _through_grid(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices in the middles of cells, and two triangles, or one, between four, or three."""
+    """Vertices in the middles of cells; two triangles between four neighboring cells, one between three."""
     place = np.floor(part.points[:, :2] / cell).astype(np.int64)
     least = place.min(axis=0)
     column, row = (place - least).T
@@ -175,19 +173,19 @@ def _through_grid(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:
     cells = top_cells(row, column, part.points[:, 2], part.height_sigma, part.columns["count"], cell)
     middles = (np.column_stack([cells.column, cells.row]) + least + 0.5) * cell
     vertices = np.column_stack([middles, cells.height])
-    width = int(cells.column.max()) + 3  # a column more at both sides, so that squares do not reach round
+    width = int(cells.column.max()) + 3  # with an empty column at both sides, so that squares do not wrap around
     keys = (cells.row + 1) * width + cells.column + 1
     squares = np.unique(keys[:, None] - [0, 1, width, width + 1])
     wanted = squares[:, None] + [0, 1, width + 1, width]  # corners, counterclockwise
     at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
     corners = np.where(keys[at] == wanted, at, -1)
-    held = (corners >= 0).sum(axis=1)
-    whole, three = corners[held == 4], corners[held == 3]
+    filled = (corners >= 0).sum(axis=1)
+    whole, three = corners[filled == 4], corners[filled == 3]
     return vertices, np.concatenate([whole[:, :3], whole[:, [0, 2, 3]], three[three >= 0].reshape(-1, 3)])
 
 
 def _ply(mesh: Mesh) -> bytes:
-    """Binary PLY with coordinates of eight bytes."""
+    """Binary PLY with float64 coordinates."""
     vertices = np.zeros(len(mesh.vertices), [("xyz", "<f8", 3), ("rgb", "u1", 3)])
     vertices["xyz"], vertices["rgb"] = mesh.vertices, mesh.colors[:, :3]
     faces = np.zeros(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
@@ -201,7 +199,7 @@ def _ply(mesh: Mesh) -> bytes:
 
 
 def _glb(mesh: Mesh) -> bytes:
-    """glTF 2.0 in one file, y up as it wants it: x, z, -y. Coordinates of four bytes from the node's translation."""
+    """Binary glTF 2.0, y up as the format requires, with float32 coordinates from the node's translation."""
     import trimesh
     from trimesh.exchange.gltf import export_glb
 
@@ -215,11 +213,11 @@ def _glb(mesh: Mesh) -> bytes:
 
 
 def _dull(tree: dict[str, Any]) -> None:
-    """A material seen from both sides, where that of glTF itself is a mirror's front."""
+    """Set a dull material visible from both sides; glTF's default is a mirror visible from the front."""
     tree["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0}, "doubleSided": True}]
     tree["meshes"][0]["primitives"][0]["material"] = 0
 
 
 def _y_up(points: np.ndarray) -> np.ndarray:
-    """(N, 3) x, y, z as glTF has them: x, z, -y."""
+    """(N, 3) points in glTF's axes: x, z, -y."""
     return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])

@@ -1,6 +1,6 @@
 """The map, its track and poses over time as MCAP with messages of ROS 2.
 
-Foxglove, Lichtblick and Rerun open these, and so do RViz, `ros2 bag`, rosbags and evo, which know no Foxglove messages.
+They are no Foxglove messages, so that RViz, `ros2 bag`, rosbags and evo read them as well as Foxglove and Rerun.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ _KNOWN = 3  # NavSatFix.COVARIANCE_TYPE_KNOWN
 
 
 def write_mcap(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write the cloud and the track at the first stamp, and poses at their own; with `earth` positions too."""
+    """Write cloud and track at the first stamp, poses at their stamps, and with `earth` positions too."""
     from mcap.writer import Writer
 
     with atomic_path(path) as temporary, temporary.open("wb") as file:
@@ -53,7 +53,7 @@ class _Ros:
         self._channels: dict[str, int] = {}
 
     def make(self, name: str, *fields: Any) -> Any:
-        """A message of the type, as geometry_msgs/msg/Point, with its fields in order."""
+        """A message of the named type, such as geometry_msgs/msg/Point, with its fields in order."""
         return self._types.types[name](*fields)
 
     def header(self, stamp: float, frame: str) -> Any:
@@ -61,11 +61,11 @@ class _Ros:
         time = self.make("builtin_interfaces/msg/Time", seconds, nanoseconds)
         return self.make("std_msgs/msg/Header", time, frame)
 
-    def placed(self, kind: str, of_place: str, numbers: Sequence[float]) -> Any:
-        """A Pose or Transform of x, y, z, as a Point or a Vector3, and the quaternion x, y, z, w."""
-        place = self.make(f"geometry_msgs/msg/{of_place}", *numbers[:3])
+    def placed(self, kind: str, vector_kind: str, numbers: Sequence[float]) -> Any:
+        """A Pose with a Point, or a Transform with a Vector3, of x, y, z and the quaternion x, y, z, w."""
+        position = self.make(f"geometry_msgs/msg/{vector_kind}", *numbers[:3])
         quaternion = self.make("geometry_msgs/msg/Quaternion", *numbers[3:])
-        return self.make(f"geometry_msgs/msg/{kind}", place, quaternion)
+        return self.make(f"geometry_msgs/msg/{kind}", position, quaternion)
 
     def transforms(self, stamp: float, child: str, numbers: Sequence[float]) -> Any:
         """A TFMessage with T_map_child: x, y, z and the quaternion x, y, z, w."""
@@ -89,7 +89,7 @@ def _nanoseconds(stamp: float) -> int:
 
 
 def _write_clouds(ros: _Ros, part: MapPart, first: float) -> None:
-    """The map and the track in float32, which viewers draw, in a frame of their own where the map lies far from 0."""
+    """Write map and track in float32, as viewers need it; a map far from the origin has a frame of its own."""
     origin = float32_origin(part.points)
     frame = CLOUD if origin.any() else MAP
     if frame == CLOUD:
@@ -101,7 +101,7 @@ def _write_clouds(ros: _Ros, part: MapPart, first: float) -> None:
 
 
 def _cloud(ros: _Ros, header: Any, points: np.ndarray, columns: Mapping[str, np.ndarray]) -> Any:
-    """A PointCloud2 of points (N, 3) [m] and what else is known of each."""
+    """A PointCloud2 of points (N, 3) [m] with further columns {name: (N,)}."""
     records = pack_records(points.astype(np.float32), columns)
     dtypes = [records.dtype[name] for name in records.dtype.names or ()]
     ends = np.cumsum([dtype.itemsize for dtype in dtypes]).tolist()
@@ -114,7 +114,7 @@ def _cloud(ros: _Ros, header: Any, points: np.ndarray, columns: Mapping[str, np.
 
 
 def _write_poses(ros: _Ros, part: MapPart, first: float) -> None:
-    """The track in the order of the survey, then poses and transforms in the order of time."""
+    """Write the track in the order of the survey, then poses and transforms in the order of time."""
     stamps, numbers = part.trajectory.stamps.tolist(), pose_numbers(part.trajectory.T_world_sensor).tolist()
     poses = [
         ros.make("geometry_msgs/msg/PoseStamped", ros.header(stamp, MAP), ros.placed("Pose", "Point", pose))
@@ -127,7 +127,7 @@ def _write_poses(ros: _Ros, part: MapPart, first: float) -> None:
 
 
 def _write_positions(ros: _Ros, earth: Georeferenced) -> None:
-    """NavSatFix, whose altitude is above the WGS84 ellipsoid or not a number."""
+    """Write NavSatFix; its altitude is NaN unless heights count from the WGS84 ellipsoid."""
     status = ros.make("sensor_msgs/msg/NavSatStatus", 0, 0)
     for k in earth.in_time:
         stamp = float(earth.stamps[k])
@@ -139,7 +139,7 @@ def _write_positions(ros: _Ros, earth: Georeferenced) -> None:
 
 
 def _meaning(part: MapPart, earth: Georeferenced | None) -> dict[str, str]:
-    """Frames and units, for who has no page beside the file."""
+    """Frames and units for readers of the file without its side-car."""
     meaning = {
         "units": "m, s",
         "map": "East-North-Up" if part.in_world else "frame of the first pose",

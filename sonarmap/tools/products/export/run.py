@@ -1,4 +1,4 @@
-"""A finished map to the formats of other programs: all chosen files of all parts, or none."""
+"""Export of a finished map to formats of other programs: all chosen files of all parts, or none."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -33,23 +33,23 @@ _FRAMES = {
 @dataclass(frozen=True, slots=True)
 class ExportSettings:
     formats: tuple[str, ...]  # names of FORMATS
-    # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin; points and grids may also
-    # be in MAP_FRAME
+    # projected CRS such as EPSG:25832; None for the UTM zone of the map's origin; MAP_FRAME for points and grids in the
+    # map's frame
     crs: str | None = None
-    cell: float | None = None  # edge of a cell of grids, pictures and surfaces [m]; None for `default_cell`
-    height: str = "top"  # of a cell, a name of HEIGHTS
-    of_scans: bool = False  # whether files of points hold every point of every scan, or those of the map
-    scans: tuple[int, ...] | None = None  # of which scans, then; None for all
-    scans_from: tuple[str, ...] = ()  # where these are read; empty for where `map` read them
+    cell: float | None = None  # edge of a cell of grids, pictures and meshes [m]; None for `default_cell`
+    height: str = "top"  # kind of a cell's height, a name of HEIGHTS
+    of_scans: bool = False  # whether files of points hold the points of all scans instead of the map's
+    scans: tuple[int, ...] | None = None  # indices of these scans; None for all
+    scans_from: tuple[str, ...] = ()  # files of the scans; empty for the inputs of `map`
 
     @property
     def projected(self) -> str | None:
-        """The CRS of projected coordinates."""
+        """The projected CRS; None for the default or the map's frame."""
         return None if self.crs == MAP_FRAME else self.crs
 
     @property
     def needing_place(self) -> tuple[str, ...]:
-        """Those that cannot be written of a map whose place is not known."""
+        """The formats that need the map's place on the Earth."""
         return tuple(name for name in self.formats if FORMATS[name].needs_place and not self.in_map_frame(name))
 
     def in_map_frame(self, name: str) -> bool:
@@ -58,13 +58,13 @@ class ExportSettings:
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was exported.
+    """Result of an export.
 
     Attributes:
-        files: all that were written, each with its side-car after it.
-        notes: what the user should know, in words.
-        grids: of each grid its `file`, `cell_m`, the `empty_share` of its covered cells, and `sufficient_cell_m`, of
-            which at most 5 % are empty.
+        files: written files, each followed by its side-car.
+        notes: remarks for the user, one sentence each.
+        grids: for each grid `file`, `cell_m`, the `empty_share` of its covered cells, and `sufficient_cell_m`, the cell
+            with at most 5 % of empty cells.
     """
 
     files: tuple[Path, ...]
@@ -72,25 +72,25 @@ class Exported:
     grids: tuple[Mapping[str, Any], ...] = ()
 
 
-_OF_GRID = ("cell_m", "empty_share", "sufficient_cell_m")  # what a grid's side-car says of its holes
+_OF_GRID = ("cell_m", "empty_share", "sufficient_cell_m")  # keys of a grid's details
 
 
 class NoPlaceError(InputError):
-    """It is not known where the map lies on the Earth, and a format needs that."""
+    """A format needs the map's place on the Earth, which is not known."""
 
 
 def check_settings(
     settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float], later: bool = False
 ) -> None:
-    """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any;
-    `later`: the place may become known."""
+    """Refuse, before a map is computed, settings that its export could not satisfy; `stamps` are those of the scans
+    [s], and `later` says whether a missing georeference may still become known."""
     _require_fitting(settings)
     for name in settings.formats:
-        low, high, (first, end) = min(stamps, default=0.0), max(stamps, default=0.0), FORMATS[name].stamps
+        low, high, (first, end) = min(stamps, default=0.0), max(stamps, default=0.0), FORMATS[name].stamps  # [s]
         if stamps and not first <= low <= high < end:
             raise InputError(
-                f"{name} needs stamps from {first:.0f} to {end:.0f} s, and those of the scans are {low:g} to {high:g}. "
-                "Give scans that carry times (Unix seconds), or leave this format out"
+                f"{name} needs stamps from {first:.0f} to {end:.0f} s, and those of the scans are {low:g} to {high:g}; "
+                "give scans with times (Unix seconds), or leave this format out"
             )
     if georeference is not None:
         Projection.of(georeference, settings.projected)
@@ -100,7 +100,7 @@ def check_settings(
         fitting = any(FORMATS[name].fits_map_frame for name in settings.formats)
         raise NoPlaceError(
             f"it is not known where the map lies on the Earth, which {' and '.join(settings.needing_place)} "
-            f"need{'s' if len(settings.needing_place) == 1 else ''}; say it with --origin LAT,LON[,HEIGHT]"
+            f"need{'s' if len(settings.needing_place) == 1 else ''}; give --origin LAT,LON[,HEIGHT]"
             f"{', or --crs map for points and grids in the frame of the map' if fitting else ''}"
         )
     elif settings.projected is not None:
@@ -122,7 +122,7 @@ def _require_fitting(settings: ExportSettings) -> None:
 
 
 def check_files(settings: ExportSettings, out: Path) -> None:
-    """Refuse, before a map is computed, to replace a file in its folder that neither a map nor an export wrote."""
+    """Refuse, before a map is computed, an export over files that neither a map nor an export wrote."""
     names = [re.escape(file).replace(r"\{\}", r"(_\d+)?") for name in settings.formats for file in FORMATS[name].files]
     ours = {*earlier_files(out), *OF_ALL}
     for path in sorted(out.glob("*")):
@@ -133,12 +133,11 @@ def check_files(settings: ExportSettings, out: Path) -> None:
 def export_map(
     folder: Map, to: Path, settings: ExportSettings, step: Callable[[int, int, str], None] | None = None
 ) -> Exported:
-    """Write a map in the chosen formats, and beside every file its side-car, all together or none, into the folder
-    `to`, which is made where it is missing; `step` is called with (files written, files in all, the next one's name).
+    """Write a map in the chosen formats, with a side-car beside every file, all together or none.
 
-    A part whose place on the Earth is not known is left out of the formats that need it. Files that an earlier export
-    wrote are replaced. In the map's own folder they are listed in summary.json, so that the next `sonarmap map` there
-    removes them."""
+    Parts whose place on the Earth is not known are left out of formats that need it. Files of an earlier export are
+    replaced. In the map's own folder files are listed in summary.json, so that the next `sonarmap map` removes them.
+    The folder `to` is created if it is missing; `step` gets (files written, files in all, name of the next)."""
     stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)
@@ -175,11 +174,11 @@ def export_map(
             details = FORMATS[name].write(path, folder, part, earth or local, cloud, cell)
             if FORMATS[name].of_grid:
                 grids.append({"file": path.name} | {key: details[key] for key in _OF_GRID})
-            for temporary, each in tuple(written[before:]):
-                _require_ours(each)
-                content = side_car_content(temporary, each.name, name, folder, part, earth) | {"details": details}
+            for temporary, final in tuple(written[before:]):
+                _require_ours(final)
+                content = side_car_content(temporary, final.name, name, folder, part, earth) | {"details": details}
                 content |= {"points": details["points"]} if "points" in details else {}
-                write_json(each.with_name(side_car(each.name)), content)
+                write_json(final.with_name(side_car(final.name)), content)
         if step is not None:
             step(len(jobs), len(jobs), "")
         files = tuple(path for _, path in written)
@@ -190,49 +189,49 @@ def export_map(
 
 def _grid_note(grid: Mapping[str, Any]) -> str:
     file, cell, share, sufficient = grid.values()
-    larger = "" if sufficient == cell else f"; of cells of {sufficient:g} m (--cell) at most {MANY_EMPTY:.0%} are"
+    larger = "" if sufficient == cell else f"; with --cell {sufficient:g} at most {MANY_EMPTY:.0%} are"
     return f"{file}: {share:.1%} of the cells within its coverage are empty{larger}"
 
 
 def _refuse_second_heading(folder: Map) -> None:
-    """Refuse a heading of the x axis where instruments measured headings, by which it points East."""
+    """Refuse --origin-heading for a map whose headings were measured: its x axis points East."""
     turned = folder.georeference is not None and folder.georeference.heading != EAST
     if turned and any(part.knows("heading") and folder.on_earth(part) for part in folder.parts):
-        raise InputError("--origin-heading: headings were measured, which say where the map points; leave it out")
+        raise InputError("--origin-heading cannot be given for a map whose headings were measured; leave it out")
 
 
 def _require_ours(path: Path) -> None:
-    """Refuse to replace a file that is no export: the map's own, or whatever else lies there."""
+    """Refuse to replace a file that is not an export, such as the map's own."""
     if path.exists() and not path.with_name(side_car(path.name)).exists():
         raise InputError(
-            f"{path} is there already, and no export of sonarmap (it has no {side_car(path.name)} beside it); choose "
+            f"{path} exists and is not an export of sonarmap (there is no {side_car(path.name)} beside it); choose "
             "another folder, or move the file away"
         )
 
 
 def _notes(folder: Map, settings: ExportSettings, earths: dict[str, Georeferenced | None]) -> list[str]:
-    """What the user should know about the places."""
+    """Remarks about the map's place, level, heights and heading."""
     notes: list[str] = []
     placed = [earth for earth in earths.values() if earth is not None and len(earth.part.points)]
     if settings.needing_place and len(placed) < len(earths):
         formats = ", ".join(settings.needing_place)
         lost = ", ".join(f"map{suffix}.ply" for suffix, earth in earths.items() if earth not in placed)
-        notes.append(f"{lost}: it is not known where this lies on the Earth; left out of {formats}")
+        notes.append(f"{lost}: the place on the Earth is not known; left out of {formats}")
     if not placed:
         return notes
     first, places = placed[0], np.concatenate([earth.points for earth in placed])
     if first.projection.crosses_zone(places):
-        notes.append(f"the map lies in more than one UTM zone, or in another; all of it is in {first.projection.name}")
+        notes.append(f"the map lies in more than one UTM zone, or in another; all is in {first.projection.name}")
     elif settings.crs is not None and not first.projection.covers(places):
-        notes.append(f"the map lies outside the area for which {first.projection.name} was made")
-    settled: dict[str, Any] = folder.summary.get("settings") or {}
-    if settled.get("heights_from"):
+        notes.append(f"the map lies outside the area of use of {first.projection.name}")
+    map_settings: dict[str, Any] = folder.summary.get("settings") or {}
+    if map_settings.get("heights_from"):
         notes.append(
             "heights count from the transducer, whose draught the lines' files do not give: map again with --draught M"
         )
-    part, here = first.part, first.georeference  # what nothing measured is taken from the origin or the first scan
+    part, here = first.part, first.georeference  # unmeasured values come from the origin or the first scan
     if not part.knows("tilt_x"):
-        notes.append("no attitude was measured: the map is as level as the sensor was at its first scan")
+        notes.append("no attitude was measured: the map is level if the sensor was so at its first scan")
     if not part.knows("up") and here.height == 0:
         notes.append(
             f"no depth was measured: heights count from the map's first scan, taken to be at the height of "
@@ -246,8 +245,8 @@ def _notes(folder: Map, settings: ExportSettings, earths: dict[str, Georeference
 def side_car_content(
     written: Path, name: str, format_name: str, folder: Map, part: MapPart, earth: Georeferenced | None
 ) -> dict[str, Any]:
-    """Provenance, frame, datum, units and signs of one exported file, which is `written` now and will be `name`; its
-    `details` are for the caller to fill in."""
+    """Side-car of an exported file: provenance, frame, datum, units and signs; the caller fills in `details`. The file
+    is at `written` now and will be `name`."""
     kind = FORMATS[format_name]
     coordinates = "map" if earth is None else kind.coordinates
     return {
@@ -286,7 +285,7 @@ def _frame(coordinates: str, part: MapPart) -> str:
 
 
 def _place(coordinates: str, earth: Georeferenced | None) -> dict[str, Any]:
-    """The reference system of the file's numbers, and the map's origin in WGS84."""
+    """Reference system of the file's coordinates, and the map's origin in WGS84."""
     if earth is None:
         return dict.fromkeys(("datum", "crs", "vertical_reference", "vertical_epsg", "origin"))
     from pyproj import CRS

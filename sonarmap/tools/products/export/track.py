@@ -1,7 +1,7 @@
-"""Track and poses of a map: features as GeoJSON and GeoPackage; rows as poses.csv, EIVA NaviEdit's two and graph.csv.
+"""Track and poses of a map: features as GeoJSON and GeoPackage; tables as poses.csv, files for EIVA, and graph.csv.
 
-EIVA's layout is that of its support page "Merge format", the formats "NavLab" for position and for attitude, without a
-line of names: https://eiva.freshdesk.com/support/solutions/articles/43000529417.
+EIVA NaviEdit's files are in the formats "NavLab" for position and attitude of its support page "Merge format", without
+a line of names: https://eiva.freshdesk.com/support/solutions/articles/43000529417.
 """
 
 import struct
@@ -30,7 +30,7 @@ ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
 SIGMAS = ("east_sigma_m", "north_sigma_m", "up_sigma_m", "roll_sigma_deg", "pitch_sigma_deg", "heading_sigma_deg")
 _ERRORS = ("east", "north", "up", "rot_east", "rot_north", "rot_up")
 _UPPER = tuple(combinations_with_replacement(range(6), 2))
-_UNITS = ("m2", "m_rad", "rad2")  # of covariances, by how many of the two are turns
+_UNITS = ("m2", "m_rad", "rad2")  # of covariances, by the number of rotations among the two errors
 COVARIANCES = tuple(f"cov_{_ERRORS[i]}_{_ERRORS[j]}_{_UNITS[(i > 2) + (j > 2)]}" for i, j in _UPPER)
 COLUMNS = (
     *("name", "scan", "utc", "unix_s", "lat_deg", "lon_deg", "easting_m", "northing_m", "depth_m", "height_m"),
@@ -46,13 +46,12 @@ class Feature:
     """A point or a line through scans."""
 
     layer: str  # a name of LAYERS
-    scans: np.ndarray  # (k,) indices into the part's scans, through which it passes; a point has one
-    # names and values; None where nothing is known. Each feature of a layer has the same names.
-    attributes: dict[str, Any]
+    scans: np.ndarray  # (k,) indices into the part's scans that it passes through; 1 for a point
+    attributes: dict[str, Any]  # the same names for all features of a layer; None for unknown values
 
 
 def features_of(earth: Georeferenced) -> list[Feature]:
-    """All features of one part of a map, layer by layer; a track for each survey of two scans or more."""
+    """Features of one part of a map, layer by layer; one track for each survey with two or more scans."""
     heights = {"height_reference": earth.georeference.vertical}
     return [
         *(Feature("track", line, _track(earth, line) | heights) for line in earth.lines),
@@ -89,7 +88,7 @@ def _scan(earth: Georeferenced, k: int) -> dict[str, Any]:
 
 
 def _loops(earth: Georeferenced) -> Iterator[Feature]:
-    """Those between two scans of this part, from the target to the source."""
+    """Lines of the loops within this part, from target to source."""
     index, names = {scan: k for k, scan in enumerate(earth.part.scans)}, earth.folder.names
     for loop in earth.folder.loops:
         if loop.target in index and loop.source in index:
@@ -99,15 +98,16 @@ def _loops(earth: Georeferenced) -> Iterator[Feature]:
 
 
 def write_geojson(path: Path, earth: Georeferenced) -> None:
-    """Write a FeatureCollection (RFC 7946) of longitude, latitude [deg, WGS84] and height [m]. The property `layer` of
-    a feature is a name of LAYERS. A line across the 180th meridian is cut there (section 3.1.9). Heights count from the
-    property `height_reference`, which the RFC wants to be the WGS84 ellipsoid."""
+    """Write a FeatureCollection (RFC 7946) of longitude, latitude [deg, WGS84] and height [m].
+
+    Lines are cut at the 180th meridian (section 3.1.9). Against the RFC, heights count from `height_reference`, not
+    always the WGS84 ellipsoid. The property `layer` is a name of LAYERS."""
     features = [_feature(each, earth.poses[each.scans][:, [1, 0, 2]]) for each in features_of(earth)]
     write_json(path, {"type": "FeatureCollection", "features": features})
 
 
 def _feature(feature: Feature, places: np.ndarray) -> dict[str, Any]:
-    """A feature through places (k, 3) of longitude, latitude, height."""
+    """A feature through points (k, 3) of longitude, latitude, height."""
     # 1e-10 degrees are 0.01 mm
     pieces = [[[round(x, 10), round(y, 10), round(z, 5)] for x, y, z in piece.tolist()] for piece in cut_at_180(places)]
     geometry: dict[str, Any] = {"type": "MultiLineString", "coordinates": pieces}
@@ -128,7 +128,7 @@ def cut_at_180(line: np.ndarray) -> list[np.ndarray]:
         if abs(step) <= 180:
             continue
         side = np.copysign(180.0, here[0])
-        rest = step + 2 * side  # 0 where both ends are the meridian itself, by its two names
+        rest = step + 2 * side  # 0 if both ends lie on the meridian, one at -180 and one at 180 degrees
         share = (side - here[0]) / rest if rest else 0.0
         border = here + share * (there - here)
         pieces.append(np.array([*start, [side, *border[1:]]]))
@@ -138,15 +138,15 @@ def cut_at_180(line: np.ndarray) -> list[np.ndarray]:
 
 
 def write_geopackage(path: Path, earth: Georeferenced) -> None:
-    """Write the layers that have features, in the map's projected CRS [m], with the attributes that GeoJSON has. Times
-    are date-times in UTC [ms]. Heights count from the attribute `height_reference`."""
+    """Write the layers that have features, in the map's projected CRS [m], with the attributes of the GeoJSON file.
+    Times are date-times in UTC [ms]; heights count from the attribute `height_reference`."""
     from pyogrio import set_gdal_config_options
 
     features = features_of(earth)
-    # the time of the last change: that of the scans, so that the same map gives the same bytes
+    # as the time of the last change, the last scan's: the same map gives the same bytes
     last = np.datetime64(int(earth.stamps.max()) if earth.timed else 0, "s")
     with atomic_path(path) as temporary:
-        temporary.unlink()  # GDAL opens what is there, and an empty file is no GeoPackage
+        temporary.unlink()  # GDAL would open the empty file, which is no GeoPackage
         set_gdal_config_options({"OGR_CURRENT_DATE": f"{last}.000Z"})
         try:
             for layer in LAYERS:
@@ -182,7 +182,7 @@ def _write_layer(path: Path, layer: str, features: Sequence[Feature], earth: Geo
 
 
 def _column(name: str, values: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Values of an attribute, and where there are none."""
+    """Values of an attribute as an array, and a mask of the missing ones."""
     missing = np.array([value is None for value in values])
     if name.endswith("utc"):
         times = ["NaT" if value is None else value.removesuffix("Z") for value in values]
@@ -202,8 +202,8 @@ def _wkb(places: np.ndarray) -> bytes:
 
 
 def write_poses_csv(path: Path, earth: Georeferenced) -> None:
-    """Write one row per scan, in the order of the survey, under COLUMNS, with no comment above them: neither Excel nor
-    QGIS nor Python's csv skips comments."""
+    """Write one row of COLUMNS per scan, in the order of the survey. There is no comment line: Excel, QGIS and Python's
+    csv do not skip one."""
     upper = earth.covariances[:, [i for i, _ in _UPPER], [j for _, j in _UPPER]]
     rows: list[list[str | int]] = []
     for k, name in enumerate(earth.names):
@@ -216,14 +216,14 @@ def write_poses_csv(path: Path, earth: Georeferenced) -> None:
 
 
 def _places(earth: Georeferenced, k: int) -> list[str]:
-    """From latitude to heave: 1e-10 degrees are 0.01 mm."""
+    """Cells from latitude to heave; 1e-10 degrees are 0.01 mm."""
     *degrees, height = earth.poses[k].tolist()
     lengths = [*earth.projected_poses[k, :2].tolist(), -height, height, 0.0]
     return [*(f"{angle:z.10f}" for angle in degrees), *(f"{length:z.5f}" for length in lengths)]
 
 
 def _angles(earth: Georeferenced, k: int) -> list[str]:
-    """From roll to the convergence; a heading of 359.9999999 is 0."""
+    """Cells from roll to convergence; a heading of 359.9999999 is written as 0."""
     roll, pitch, true = earth.attitudes[k].tolist()
     headings = (round(heading, 6) % 360.0 for heading in (true, float(earth.grid_headings[k])))
     return [f"{angle:z.6f}" for angle in (roll, pitch, *headings, float(earth.convergences[k]))]
@@ -247,8 +247,8 @@ def _write_eiva(path: Path, earth: Georeferenced, rows: np.ndarray, form: str) -
 
 
 def write_graph(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write name, time and frame of every vertex, for which g2o has no place, to `path`, and graph.g2o beside it,
-    unless that is the map's own."""
+    """Write name, time and frame of every vertex, which g2o cannot hold, to `path`, and graph.g2o beside it unless it
+    is in the map's own folder."""
     rows: list[tuple[int, str, str, str, int, str]] = []
     for number, each in enumerate(folder.parts, 1):
         stamps, frame = each.trajectory.stamps, "East-North-Up" if each.in_world else "first pose"

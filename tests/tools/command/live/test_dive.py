@@ -149,7 +149,7 @@ def test_what_comes_over_the_network_is_recorded_and_mapped(swim: list[bytes], t
         (("scan.ply",), "scan.ply is neither a folder nor a recording that may grow (.sonar, .mcap); give --replay 1"),
         (("--replay", "0"), "--replay needs finished scans"),
         (("--bind", "192.0.2.7", "--duration", "9"), "192.0.2.7 cannot be used for the page"),
-        (("--export", "laz"), "say it with --origin"),
+        (("--export", "laz"), "give --origin"),
         (("--device", "none7"), "none7"),
         (("--onto", "empty"), "empty"),
         (("--nmea", "192.0.2.7:10110"), "192.0.2.7:10110 cannot be used"),

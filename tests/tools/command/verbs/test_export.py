@@ -138,8 +138,8 @@ def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
         (("--export", "laz"), "", "--origin"),
         (("--priors", "nav.csv", *ORIGIN, "--origin-heading", "20"), "", "--origin-heading"),  # beside measured ones
         (("--export", "laz,eiva-position", *ORIGIN), "", "eiva-position needs stamps from 631152000 to 4102444800 s"),
-        (("--export", "laz", *ORIGIN), "map.laz", "map.laz is there already"),
-        (("--export", "geotiff", *ORIGIN), "grid.qml", "grid.qml is there already"),
+        (("--export", "laz", *ORIGIN), "map.laz", "map.laz exists and"),
+        (("--export", "geotiff", *ORIGIN), "grid.qml", "grid.qml exists and"),
     ],
 )
 def test_map_refuses_before_it_maps(

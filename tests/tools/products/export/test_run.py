@@ -127,7 +127,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_files_that_no_export_wrote_are_kept_and_an_earlier_export_is_replaced(one: Path, tmp_path: Path) -> None:
     (tmp_path / "map.laz").write_bytes(b"mine")
-    with pytest.raises(InputError, match=r"map\.laz is there already"):
+    with pytest.raises(InputError, match=r"map\.laz exists and"):
         export_map(read_map_folder(one), tmp_path, ALL)
     assert contents(tmp_path) == {"map.laz": b"mine"}
     (tmp_path / "map.laz").unlink()
