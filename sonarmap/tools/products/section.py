@@ -1,13 +1,13 @@
-"""A section: the points of a map along a line from one place to another, seen from the side, and their profile;
-as a picture and tables.
+"""Sections and volumes of a map. A section is the map's points near a line, seen from the side, and their profile, as a
+picture and tables.
 
-Volumes: the surfaces are grids of one lattice, whose cells have heights as `products.export.grid` has them. Cut is what
-lies above the target, plane or other map, and fill what is missing below it. Only cells that both have count; the area
-that one alone has is said beside. A pose's error, small turn and shift, moves all points of its scan together: its part
-of the volume is J C J', with J the sum over the points of the area they stand for, times how the pose moves them
-upward. How the errors of two poses go together a map's folder does not say; their standard deviations are added, which
-is the largest that they can be. A cell's own sigma counts whole as scatter that cells do not share, and so does how far
-all of its points are from its height. For these errors sigma is too large rather than too small (docs/measured).
+Volumes compare surfaces on a common lattice, with the cell heights of `products.export.grid`. Cut lies above the
+target, a plane or another map, and fill is missing below it. Only cells that both surfaces have count; areas that only
+one has are reported. The error of a pose, a small rotation and shift, moves all points of its scan: its variance of the
+volume is J C J', with J the sum over the points of their areas times their upward motion. The correlation of two poses'
+errors is unknown, so their standard deviations are added, an upper bound. A cell's sigma, and the scatter of all its
+points about its height, count as independent between cells. Sigma is thus rather too large than too small
+(docs/measured).
 """
 
 import textwrap
@@ -44,7 +44,7 @@ class PlacedMap:
 
     @classmethod
     def of(cls, folder: Map) -> "PlacedMap":
-        """The largest part, without stray echoes."""
+        """The largest part of a map, without stray echoes."""
         part = folder.surface(folder.parts[0])
         if not len(part.points):
             raise InputError(f"the map of {folder.path} has no points; map again")
@@ -52,7 +52,7 @@ class PlacedMap:
         return cls(folder.path, part, folder.voxel, here)
 
     def seen_by(self, least: int) -> "PlacedMap":
-        """With only the points that at least `least` scans saw."""
+        """The same part with only the points that at least `least` scans saw."""
         kept = self.part.columns["seen"] >= least
         if not kept.any():
             most = int(self.part.columns["seen"].max())
@@ -68,7 +68,7 @@ class PlacedMap:
 
     @property
     def height_words(self) -> str:
-        """What heights are."""
+        """Meaning of the heights."""
         if self.georeference is None:
             return "z of the map's frame"
         return f"height above {VERTICALS[self.georeference.vertical]}"
@@ -80,35 +80,35 @@ class PlacedMap:
 
 @dataclass(frozen=True, slots=True)
 class Coordinates:
-    """Those in which places are given and said; the map's x and y [m] where nothing of the Earth is given."""
+    """Horizontal coordinates of input and output; the map's x and y [m] without a georeference."""
 
     georeference: Georeference | None = None
     projection: Projection | None = None  # for easting and northing [m]; None for latitude and longitude [deg]
 
     @property
     def names(self) -> str:
-        """Of the two numbers, with their unit."""
+        """Names of the two numbers, with their unit."""
         if self.georeference is None:
             return "x, y [m] of the map's frame"
         return "latitude, longitude [deg]" if self.projection is None else f"{self.projection.name} E, N [m]"
 
     def to_map(self, places: np.ndarray) -> np.ndarray:
-        """(N, 2) x, y [m] in the map's frame of places (N, 2)."""
+        """(N, 2) x, y [m] in the map's frame, from places (N, 2) in these coordinates."""
         if self.georeference is None:
             return places
-        at_level = np.column_stack([places, np.full(len(places), self.georeference.height)])
-        geodetic = at_level if self.projection is None else self.projection.unproject(at_level)
+        with_height = np.column_stack([places, np.full(len(places), self.georeference.height)])
+        geodetic = with_height if self.projection is None else self.projection.unproject(with_height)
         return self.georeference.local(geodetic)[:, :2]
 
     def of_map(self, places: np.ndarray) -> np.ndarray:
-        """(N, 2) places of x, y [m] (N, 2) in the map's frame: the inverse of `to_map`."""
+        """(N, 2) places in these coordinates, from x, y [m] (N, 2) in the map's frame: the inverse of `to_map`."""
         if self.georeference is None:
             return places
         geodetic = self.georeference.geodetic(np.column_stack([places, np.zeros(len(places))]))
         return (geodetic if self.projection is None else self.projection.project(geodetic))[:, :2]
 
     def said(self, place: np.ndarray) -> str:
-        """One place (2,), to 1 cm."""
+        """A place (2,) in words, to 1 cm."""
         digits = 7 if self.georeference is not None and self.projection is None else 2
         return ", ".join(f"{number:z.{digits}f}" for number in place.tolist())
 
@@ -118,41 +118,41 @@ class Section:
     """The points near a line, ordered by their distance along it."""
 
     line: np.ndarray  # (2, 2) float64 x, y [m] of start and end, in the map's frame
-    width: float  # how far to either side points count [m]
+    width: float  # largest distance of points from the line [m]
     distance: np.ndarray  # (M,) float64 along the line from its start [m], 0 to `length`
     offset: np.ndarray  # (M,) float64 from the line [m], positive to the left
     height: np.ndarray  # (M,) float64 [m], as `PlacedMap.heights`
     place: np.ndarray  # (M, 2) float64 x, y [m] in the map's frame
-    # sigma: (M,) standard deviation [m], scan: of which scan, seen: by how many
+    # sigma: (M,) standard deviation [m]; scan: index of the main scan; seen: number of scans that saw the point
     sigma: np.ndarray
     scan: np.ndarray
     seen: np.ndarray
 
     @property
     def length(self) -> float:
-        """Of the line [m]."""
+        """Length of the line [m]."""
         return float(np.linalg.norm(self.line[1] - self.line[0]))
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """The cells of a line that hold points, from its start on: all (K,)."""
+    """The K cells of a line that hold points, from its start."""
 
-    distance: np.ndarray  # of the cell's middle [m]
+    distance: np.ndarray  # (K,) of the cell's middle [m]
     place: np.ndarray  # (K, 2) x, y of the middle on the line [m], in the map's frame
-    # height: the points' median [m]; lowest, highest: of the points [m]
+    # (K,) median, lowest and highest height of the points [m]
     height: np.ndarray
     lowest: np.ndarray
     highest: np.ndarray
-    sigma: np.ndarray  # median of the points' standard deviations [m]: neighbors share the errors of their poses
-    count: np.ndarray  # int64, number of points
+    sigma: np.ndarray  # (K,) median of the points' sigmas [m], not that of a mean: neighbors share their poses' errors
+    count: np.ndarray  # (K,) int64, number of points
 
 
 def section_of(placed: PlacedMap, line: np.ndarray, width: float, given: Coordinates) -> Section:
-    """The points of a map within `width` [m] to either side of a line (2, 2) from x, y to x, y [m].
+    """The points of a map within `width` [m] of a line (2, 2) from x, y to x, y [m].
 
     Args:
-        given: the coordinates in which the user gave the line, for what is said of it."""
+        given: the coordinates in which the user gave the line, for error messages."""
     start, end = (given.said(place) for place in given.of_map(line))
     length = float(np.linalg.norm(line[1] - line[0]))
     if not length > 0:
@@ -176,8 +176,7 @@ def section_of(placed: PlacedMap, line: np.ndarray, width: float, given: Coordin
 
 
 def profile_of(section: Section, cell: float) -> Profile:
-    """The median of the points in every cell of the line that holds any; `cell` is its length [m]. The last cell is
-    shorter where the line ends in it."""
+    """Medians of the points in cells of the line, of length `cell` [m]; the last cell ends with the line."""
     length = section.length
     if length / cell > _MOST_CELLS:
         raise InputError(f"--cell {cell:g} m divides {length:.2f} m into more than {_MOST_CELLS:,}; give longer cells")
@@ -185,7 +184,7 @@ def profile_of(section: Section, cell: float) -> Profile:
     index = np.minimum((section.distance / cell).astype(np.int64), last)
     cells, first, count = np.unique(index, return_index=True, return_counts=True)
     height, sigma = (values[np.lexsort((values, index))] for values in (section.height, section.sigma))
-    lower, upper = first + (count - 1) // 2, first + count // 2  # both the middle one where the number is odd
+    lower, upper = first + (count - 1) // 2, first + count // 2  # of the middle points, the same if count is odd
     middle = (cells * cell + np.minimum((cells + 1) * cell, length)) / 2
     return Profile(
         distance=middle,
@@ -198,11 +197,11 @@ def profile_of(section: Section, cell: float) -> Profile:
     )
 
 
-_WIDTH, _BESIDE, _HEIGHTS, _DPI = 9.2, (2.5, 1.8), (2.4, 6.4), 140  # of the axes, and of what is beside them [in]
-_LINE_LENGTH, _BELOW_LENGTH = 30, 110  # characters: of the vertical axis' name, and of a line below the title
+_WIDTH, _BESIDE, _HEIGHTS, _DPI = 9.2, (2.5, 1.8), (2.4, 6.4), 140  # width, margins, range of heights of the axes [in]
+_LINE_LENGTH, _BELOW_LENGTH = 30, 110  # characters in a line: of the vertical axis' name, and below the title
 _COLORS, _LINE = "viridis", "#D55E00"
-_SURE = (0.02, 0.98)  # quantiles of the sigmas between which the colors change
-_BROKEN = 2.5  # cells between two medians from which on they are not joined
+_SIGMA_QUANTILES = (0.02, 0.98)  # at the ends of the color scale
+_BROKEN = 2.5  # distance of medians that are not joined by a line [cells]
 POINTS = ("distance_m", "height_m", "sigma_m", "x_m", "y_m", "scan", "seen", "offset_m")
 PROFILE = ("distance_m", "height_m", "lowest_m", "highest_m", "sigma_m", "points", "x_m", "y_m")
 WORLD = ("easting_m", "northing_m")
@@ -210,17 +209,17 @@ WORLD = ("easting_m", "northing_m")
 
 @dataclass(frozen=True, slots=True)
 class Titles:
-    """What a picture says of its section."""
+    """Texts and scale of a section's picture."""
 
     title: str
     below: str
     height: str  # the name of its vertical axis, without the unit
     exaggeration: float = 1.0  # of heights
-    cell: float = 1.0  # of the profile [m]
+    cell: float = 1.0  # length of the profile's cells [m]
 
 
 def section_figure(section: Section, profile: Profile, titles: Titles) -> "Figure":
-    """The figure: a meter is as long upward as along the line, times the exaggeration."""
+    """Figure of a section; a meter upward is as long as one along the line, times the exaggeration."""
     from matplotlib.figure import Figure
 
     tall = 1.15 * _WIDTH * float(np.ptp(section.height)) * titles.exaggeration / section.length
@@ -229,8 +228,8 @@ def section_figure(section: Section, profile: Profile, titles: Titles) -> "Figur
     axes = figure.add_subplot()
     axes.set_aspect(titles.exaggeration, adjustable="datalim")
     axes.update_datalim([(0.0, section.height.min()), (section.length, section.height.max())])  # the whole line
-    order = np.argsort(-section.sigma, kind="stable")  # the surest on top
-    least, most = np.quantile(section.sigma, _SURE).tolist()
+    order = np.argsort(-section.sigma, kind="stable")  # points of smallest sigma on top
+    least, most = np.quantile(section.sigma, _SIGMA_QUANTILES).tolist()
     area = float(np.clip(4000 / np.sqrt(len(order)) / 6, 3, 26))
     dots = axes.scatter(
         section.distance[order], section.height[order], area, section.sigma[order], cmap=_COLORS, vmin=least, vmax=most
@@ -250,7 +249,7 @@ def section_figure(section: Section, profile: Profile, titles: Titles) -> "Figur
 
 
 def check_names(out: Path, folder: Path) -> None:
-    """Refuse names that are neither of a picture nor of a table, and those in a map's own folder."""
+    """Refuse file names that end in neither .png nor .csv, and those in a map's own folder."""
     if out.suffix.lower() not in (".png", ".csv"):
         raise InputError(f"-o is {out}; wanted a name that ends in .png, or .csv for the tables alone")
     if out.parent.resolve() == folder.resolve():
@@ -260,8 +259,8 @@ def check_names(out: Path, folder: Path) -> None:
 def write_section(
     out: Path, section: Section, profile: Profile, titles: Titles, world: Coordinates | None
 ) -> Sequence[Path]:
-    """Write NAME.csv with the points, NAME_profile.csv and, where `out` ends in .png, the picture; all or none. `world`
-    is for easting and northing of every row. Returns the files."""
+    """Write NAME.csv with the points, NAME_profile.csv and, if `out` ends in .png, the picture; all or none. With
+    `world` every row has easting and northing. Returns the files."""
     tables = out.with_suffix(".csv"), out.with_name(f"{out.stem}_profile.csv")
     points = [section.distance, section.height, section.sigma, *section.place.T]
     numbers = [section.scan, section.seen, section.offset]
@@ -278,7 +277,7 @@ def write_section(
 def _write(
     path: Path, names: Sequence[str], columns: Sequence[np.ndarray], place: np.ndarray, world: Coordinates | None
 ) -> None:
-    """Whole numbers as they are, others to 0.1 mm."""
+    """Write a table, floating-point numbers to 0.1 mm."""
     more = () if world is None else world.of_map(place).T
     texts = [
         [str(value) for value in column.tolist()] if column.dtype.kind in "iu" else [f"{x:z.4f}" for x in column]
@@ -287,19 +286,19 @@ def _write(
     write_table(path, (*names, *(WORLD if world else ())), zip(*texts, strict=True))
 
 
-_MOST = 1e12  # cells along an edge: more than any grid may have
+_MOST = 1e12  # bound on the cells along an edge, more than any grid may have
 
 
 @dataclass(frozen=True, slots=True)
 class Volume:
-    """What has to be taken away and added to come from a map to its target."""
+    """Volumes to remove from and to add to a map to get its target."""
 
-    # cut, fill, net (fill less cut): volume and its standard deviation [m^3]
+    # volume and its standard deviation [m^3]; net is fill less cut
     cut: tuple[float, float]
     fill: tuple[float, float]
     net: tuple[float, float]
     cell: float  # edge of a cell [m]
-    # area that was compared, that the map alone has, and the target alone [m^2]
+    # areas that were compared, that only the map has, and that only the target has [m^2]
     compared: float
     map_only: float
     target_only: float
@@ -314,8 +313,12 @@ class Volume:
 
 
 def volume_to_level(placed: PlacedMap, level: float, cell: float, kind: str = "top") -> Volume:
-    """From a map to the plane at a height [m], as `PlacedMap.heights` counts; `cell` is the edge of cells [m], `kind`
-    what the height of a cell is, a name of `formats.HEIGHTS`."""
+    """Volumes from a map to a horizontal plane at height `level` [m], as of `PlacedMap.heights`.
+
+    Args:
+        cell: edge of a cell [m].
+        kind: of the cells' heights, a name of `formats.HEIGHTS`.
+    """
     lattice = _lattice(cell, placed.part.points)
     surface = _Surface.of(placed, placed.part.points[:, :2], cell, lattice, kind)
     area = cell**2 * len(surface.key)
@@ -323,15 +326,15 @@ def volume_to_level(placed: PlacedMap, level: float, cell: float, kind: str = "t
 
 
 def volume_between(first: PlacedMap, second: PlacedMap, cell: float, kind: str = "top") -> Volume:
-    """From one map to another: cut is what was lost, fill what was gained. Where both lie on the Earth the second is
-    brought to the first one's frame; otherwise both are in one."""
+    """Volumes from one map to another: cut was lost, fill was gained. If both lie on the Earth, the second is
+    transformed to the first one's frame; otherwise they have to share a frame."""
     points = second.part.points
     if first.georeference is not None and second.georeference is not None:
         one, other = first.georeference.vertical, second.georeference.vertical
         if one != other:
             raise InputError(
-                f"heights of {first.path} count from {one!r}, those of {second.path} from {other!r}; wanted both from "
-                "the same: map one again with --vertical"
+                f"heights of {first.path} count from {one!r}, those of {second.path} from {other!r}; wanted the same "
+                "reference for both: map one again with --vertical"
             )
         points = first.georeference.local(second.georeference.geodetic(points))
     lattice = _lattice(cell, first.part.points, points)
@@ -354,23 +357,21 @@ def volume_between(first: PlacedMap, second: PlacedMap, cell: float, kind: str =
 
 @dataclass(frozen=True, slots=True)
 class _Surface:
-    """A map's surface on the lattice, of K cells."""
+    """A map's surface of K cells on the lattice, from m points."""
 
     key: np.ndarray  # (K,) int64, the cell's number on the lattice, ascending
     cells: Cells
-    spread: np.ndarray  # (K,) [m^2], mean square of how far all points of the cell are from its height
-    # of the m points of the surface. cell: which; scan: which pose, as covariances has them; lever: (m, 6) what a small
-    # (turn, shift) of the pose [rad, m] does to the cell's height [m]
-    cell: np.ndarray
-    scan: np.ndarray
-    lever: np.ndarray
-    covariances: np.ndarray  # (n, 6, 6)
+    spread: np.ndarray  # (K,) mean squared distance of all points of the cell from its height [m^2]
+    cell: np.ndarray  # (m,) index of the point's cell
+    scan: np.ndarray  # (m,) index of the point's pose
+    lever: np.ndarray  # (m, 6) derivative of the cell's height [m] by rotation and shift of the pose [rad, m]
+    covariances: np.ndarray  # (n, 6, 6) of the poses
 
     @classmethod
     def of(
         cls, placed: PlacedMap, flat: np.ndarray, cell: float, lattice: tuple[np.ndarray, int], kind: str
     ) -> "_Surface":
-        """Of a map's points at x, y (M, 2) [m]; the lattice as `_lattice` has it."""
+        """The surface of a map's points at x, y `flat` (M, 2) [m]; the lattice is that of `_lattice`."""
         column, row = (np.floor(flat / cell).astype(np.int64) - lattice[0]).T
         height, columns = placed.heights, placed.part.columns
         key, index, count = np.unique(row * lattice[1] + column, return_inverse=True, return_counts=True)
@@ -378,17 +379,17 @@ class _Surface:
         np.maximum.at(highest, index, height)
         below = {"top": placed.voxel, "mean": np.inf, "shoalest": 0.0}[kind]
         used = height >= highest[index] - below
-        sure = columns["sigma"][used]
-        cells = cells_of(kind, row[used], column[used], height[used], sure, columns["count"][used], placed.voxel)
+        sigma = columns["sigma"][used]
+        cells = cells_of(kind, row[used], column[used], height[used], sigma, columns["count"][used], placed.voxel)
         spread = np.bincount(index, (height - cells.height[index]) ** 2) / count
-        own, weight = index[used], weight_of(sure)
+        used_cell, weight = index[used], weight_of(sigma)
         scan = np.searchsorted(placed.part.scans, columns["scan"][used])
         lever = upward(placed.part.trajectory.T_world_sensor[scan], placed.part.points[used])
-        lever *= (weight / np.bincount(own, weight)[own])[:, None]
-        return cls(key, cells, spread, own, scan, lever, placed.part.covariances)
+        lever *= (weight / np.bincount(used_cell, weight)[used_cell])[:, None]
+        return cls(key, cells, spread, used_cell, scan, lever, placed.part.covariances)
 
     def variance(self, chosen: np.ndarray) -> float:
-        """Of the sum of the heights of these cells, (k,) [m^2]."""
+        """Variance of the sum of the heights of the `chosen` cells (k,) [m^2]."""
         used = np.zeros(len(self.key), bool)
         used[chosen] = True
         points = used[self.cell]
@@ -399,8 +400,7 @@ class _Surface:
 
 
 def _lattice(cell: float, *points: np.ndarray) -> tuple[np.ndarray, int]:
-    """The lowest cell (2,) and the number of columns of a lattice about all points; its edges are at multiples of a
-    cell."""
+    """Lowest cell (2,) and number of columns of a lattice around all points, with edges at multiples of `cell`."""
     flat = np.concatenate([each[:, :2] for each in points])
     lower, upper = flat.min(axis=0), flat.max(axis=0)
     columns, rows = (int(min(extent / cell, _MOST)) + 1 for extent in (upper - lower).tolist())
@@ -412,7 +412,7 @@ def _lattice(cell: float, *points: np.ndarray) -> tuple[np.ndarray, int]:
 def _summed(
     change: np.ndarray, surfaces: list[tuple[_Surface, np.ndarray]], cell: float, areas: tuple[float, float, float]
 ) -> Volume:
-    """Of the cells' changes of height (k,) [m], with the place (k,) of each in every surface."""
+    """The volumes of k cells with these changes of height (k,) [m], and with indices (k,) in every surface."""
 
     def volume(chosen: np.ndarray) -> tuple[float, float]:
         variance = sum(surface.variance(places[chosen]) for surface, places in surfaces)

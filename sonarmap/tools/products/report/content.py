@@ -1,5 +1,5 @@
-"""All that the page shows, as one value for JSON, the bytes of points and pictures apart: what the map is, and what
-speaks for it, poses with their ellipsoids, pairs, distances from navigation, and what users decided of it before."""
+"""Content of the report: one value for JSON with the map, its evidence, poses with ellipsoids, pairs, distances from
+navigation, ties and control points; and the bytes of points and pictures."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,19 +19,21 @@ from sonarmap.tools.products.report.points import MOST_CODE, codes, doubtful_of,
 from sonarmap.tools.products.report.provenance import citation, inputs_of, map_command, setting_rows, title
 
 PICTURES = (".png",)
-_EXTREMES = (0.01, 0.99)  # quantiles of heights between which the colors change
-_STRAY = 0.005  # share of the points on either side that may lie out of sight at first
-LISTED = 5  # names in a sentence
-_UNSURE = 3.0  # standard deviation of a map's rotation that is said [deg]
-_FEW = 0.5  # share of the voxels that several scans should have seen
+_EXTREMES = (0.01, 0.99)  # quantiles of heights at the ends of the color scale
+_STRAY = 0.005  # share of the points on either side that may lie outside the initial view
+LISTED = 5  # largest number of names in a sentence
+_UNSURE = 3.0  # smallest sigma of a map's rotation that is reported [deg]
+_FEW = 0.5  # share of voxels seen by several scans below which a concern is reported
 
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """shown: what the page says, for JSON.
-    points: gzipped planes of every part of the map.
-    doubtful: the same of the points that the map left out; None where there are none.
-    pictures: {file's name: content}."""
+    """Content of the report.
+
+    shown: what the page shows, for JSON.
+    points: gzipped planes of every part of the map, as of `pack`.
+    doubtful: those of the points that the map left out; None without any.
+    pictures: {file name: content}."""
 
     shown: dict[str, Any]
     points: tuple[bytes, ...]
@@ -40,7 +42,7 @@ class Content:
 
 
 def content_of(folder: Map) -> Content:
-    """What to show of a finished map."""
+    """Content of the report on a finished map."""
     summary, graph = folder.summary, folder.graph
     parts, points, doubtful = zip(*(_part(folder, part) for part in folder.parts), strict=True)
     shown = {
@@ -72,7 +74,7 @@ def content_of(folder: Map) -> Content:
 
 
 def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | None]:
-    """A map of the folder, its points as bytes, and so those that it left out."""
+    """Row of one part of the map, its packed points, and its packed doubtful points."""
     columns, scales = _columns(part)
     data, layout = pack(part.points, columns, folder.voxel)
     doubtful_data, doubtful = doubtful_of(folder, part)
@@ -97,7 +99,7 @@ def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | No
 
 
 def _columns(part: MapPart) -> tuple[dict[str, np.ndarray], dict[str, tuple[float, float]]]:
-    """The points' columns as whole numbers, and the extremes of those that are codes."""
+    """Columns of the points as whole numbers, and the extremes of the columns that are codes."""
     columns: dict[str, np.ndarray] = {}
     scales: dict[str, tuple[float, float]] = {}
     for name, column in (("sigma", "sigma"), ("echo", "intensity")):
@@ -109,7 +111,7 @@ def _columns(part: MapPart) -> tuple[dict[str, np.ndarray], dict[str, tuple[floa
 
 
 def _height(folder: Map, part: MapPart) -> dict[str, Any]:
-    """What the third coordinate means: how to call it, and what to subtract it from for a depth; null for a height."""
+    """Label of the third coordinate, and the zero that it is subtracted from for a depth; None for a height."""
     here = folder.georeference
     given = here is not None and here.height != 0 and folder.on_earth(part)  # by --origin
     if not (part.knows("up") or given):
@@ -126,8 +128,8 @@ def _pictures(folder: Map) -> dict[str, bytes]:
 
 
 def verdict(summary: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """What summary.json says, in words: a `sentence` about what came of the survey, and `concerns`, what its user
-    should look at, a sentence each; names are of all the survey's scans."""
+    """Summary of a survey in words: a `sentence` with the result, and `concerns`, one sentence each; `names` are those
+    of all scans."""
     unplaced, parts = summary["unplaced"], summary["components"]
     inside = len(names) - len(unplaced)
     place = "one map" if len(parts) == 1 else f"{len(parts)} separate maps"
@@ -153,7 +155,7 @@ def _loops(summary: Mapping[str, Any]) -> str:
 
 
 def _tilt(summary: Mapping[str, Any]) -> str:
-    """That the tilt of the largest map is not known, or not well, where navigation places it."""
+    """Clause about an unknown or uncertain tilt of the largest map; empty otherwise."""
     part = summary["components"][0]
     if {"tilt_x", "tilt_y"}.intersection(part["unmeasured"]):
         return ", whose tilt is not known: navigation does not determine it"
@@ -174,7 +176,7 @@ def _crossings(summary: Mapping[str, Any]) -> str:
 
 
 def _concerns(summary: Mapping[str, Any]) -> Iterator[str]:
-    """What the map warned of, beside contradictions; scans that could not be read; and a map of single views."""
+    """Warnings of the map except contradictions, scans that could not be read, and little overlap."""
     against = summary.get("contradictions", [])
     yield from (f"{_capital(each)}.".replace("`", "") for each in summary.get("warnings", []) if each not in against)
     if unread := [row["name"] for row in summary["unread"]]:
@@ -186,19 +188,18 @@ def _concerns(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 ANGLES, AXES = ("roll", "pitch", "heading"), ("East", "North", "Up")  # the order of a prior's numbers
-_DIGITS = 5  # behind the point, of meters
-_TURN_DIGITS = 8  # of a quaternion: a point 100 m away is off by micrometers
-_SAME = 1e-3  # poses that differ by less were not moved [m]
-_SHORT = 4  # valid digits of what is only read
+_DIGITS = 5  # decimals of lengths [m]
+_TURN_DIGITS = 8  # decimals of a quaternion: a point 100 m away moves by micrometers
+_SAME = 1e-3  # largest shift of positions that count as unchanged [m]
+_SHORT = 4  # significant digits of numbers that are only read
 _PLACES = ("point", "known", "estimated", "sigma")  # of a control point: three numbers each
 
 
 def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
-    """The poses of a map: scans, stamps [s], places [m], turns, and the half axes of their ellipsoids. An ellipsoid's
-    three half axes, (3, 3) as rows x, y, z [m], are standard deviations of the place along the directions in which they
-    are independent, in the map's frame. A turn is the quaternion x, y, z, w of R_world_sensor. `before` has the places
-    before the loops, or null where graph.json does not say them, or where they are the same; `overlaps` each scan's
-    overlap with the scan that it was registered with consecutively, or null."""
+    """Poses of a map: scans, stamps [s], places (positions) [m], turns (quaternions x, y, z, w of R_world_sensor), and
+    half axes of their ellipsoids, (3, 3) as rows x, y, z [m]: sigmas along the principal axes, in the map's frame.
+    `before` has the positions before the loops, or null if graph.json lacks them or they are unchanged; `overlaps` has
+    the overlap of each scan with its predecessor, or null."""
     R = part.trajectory.T_world_sensor.rotation.as_matrix()
     variances, directions = np.linalg.eigh(R @ part.covariances[:, 3:, 3:] @ R.transpose(0, 2, 1))
     half_axes = (directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]).transpose(0, 2, 1)
@@ -216,7 +217,7 @@ def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _before(part: MapPart, poses: Sequence[Mapping[str, Any]]) -> list[list[float]] | None:
-    """The places of a part's scans before the loops [m]."""
+    """Positions of a part's scans before the loops [m]; None if unknown or unchanged."""
     matrices = [poses[scan].get("T_world_sensor_before_loops") for scan in part.scans]
     if any(matrix is None for matrix in matrices):
         return None
@@ -226,14 +227,14 @@ def _before(part: MapPart, poses: Sequence[Mapping[str, Any]]) -> list[list[floa
 
 
 def kept_sequential(pairs: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
-    """The consecutive pairs that were kept, which `pair_rows` leaves out: target and source."""
+    """Target and source of the consecutive pairs that were kept, which `pair_rows` leaves out."""
     return [
         (int(pair["target"]), int(pair["source"])) for pair in pairs if pair["role"] == "sequential" and pair["kept"]
     ]
 
 
 def pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """What became of every loop and bridge, and of consecutive pairs that were not kept."""
+    """Rows of all pairs but the consecutive ones that were kept: verdict, reason and evidence."""
     numbers = ("overlap", "probability", "sigmas_from_estimate", "residual_sigmas")
     return [
         {"target": int(pair["target"]), "source": int(pair["source"]), "role": str(pair["role"])}
@@ -245,7 +246,7 @@ def pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def crossing_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """How far apart each two scans at a crossing lie [m]; none in a graph.json of an earlier version."""
+    """Distances between the scans of each crossing [m]; none for a graph.json of an earlier version."""
     numbers = ("before_m", "before_90_m", "after_m", "after_90_m")
     return [
         {"target": int(row["i"]), "source": int(row["j"])} | {name: _short(row[name]) for name in numbers}
@@ -254,9 +255,8 @@ def crossing_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """How far the poses lie from what instruments measured of them. A row has the scan's number, and for each of ANGLES
-    [deg] and AXES [m] the map's value less the instruments', and the instruments' standard deviation; None where they
-    did not measure it."""
+    """Differences between poses and their measurements by instruments, one row per measured scan: for each of ANGLES
+    [deg] and AXES [m] the map's value less the measured one, and the measurement's sigma; None where not measured."""
     priors = [prior for prior in graph["priors"] if any(sigma is not None for sigma in prior["sigmas"])]
     if not priors:
         return []
@@ -277,13 +277,13 @@ def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def wrong_places(graph: Mapping[str, Any]) -> dict[int, list[float]]:
-    """By scan, where a position that was left out said that it was, East and North [m]; none in graphs of before."""
+    """Rejected positions by scan, East and North [m]; none for a graph.json of an earlier version."""
     fixes = graph.get("wrong_fixes", ())
     return {int(fix["pose"]): [float(number) for number in fix["place"]] for fix in fixes if fix.get("place")}
 
 
 def tie_rows(summary: Mapping[str, Any], names: Sequence[str]) -> list[dict[str, Any]]:
-    """The ties that the map was made with, their scans by name, and their transforms where they have one."""
+    """Rows of the map's ties: names of scans, verdict, note, effect, and the transform if there is one."""
     return [
         {end: _name(tie[end], names) for end in ("target", "source")}
         | {"verdict": str(tie["verdict"])}
@@ -294,8 +294,8 @@ def tie_rows(summary: Mapping[str, Any], names: Sequence[str]) -> list[dict[str,
 
 
 def control_rows(summary: Mapping[str, Any], parts: Sequence[MapPart], names: Sequence[str]) -> list[dict[str, Any]]:
-    """The control points of the map, as summary.json has them; residuals are estimated less known [m]. `counted` says
-    whether a point's residual tells of the map: whether its part is in the world, and others do not contradict it."""
+    """Rows of the map's control points, from summary.json; residuals are estimated less known [m]. `counted` is whether
+    the residual measures the map's error: the point's part is in the world, and the point was not left out."""
     in_world = {names[scan] for part in parts if part.in_world for scan in part.scans}
     fit: Mapping[str, Any] = summary.get("control") or {}
     left_out = {(row["name"], _name(row["scan"], names)) for row in fit.get("left_out", ())}
@@ -311,7 +311,7 @@ def control_rows(summary: Mapping[str, Any], parts: Sequence[MapPart], names: Se
 
 
 def map_key(summary: Mapping[str, Any], names: Sequence[str]) -> str:
-    """What tells this map from others: of what scans, with what settings and decisions it was made."""
+    """Hash that identifies a map by its inputs, scans, settings, ties, control points and versions."""
     made = [summary.get(name) for name in ("inputs", "settings", "ties", "control_points", "versions")]
     return sha256(json.dumps([made, list(names)], sort_keys=True, default=str).encode()).hexdigest()[:24]
 
@@ -325,7 +325,7 @@ def _poses(matrices: Sequence[Any]) -> RigidTransform:
 
 
 def _short(value: Any) -> float | None:
-    """A number with few digits; None for what is none."""
+    """A number with few digits; None for one that is missing or not finite."""
     if value is None or not np.isfinite(value):
         return None
     return float(f"{value:.{_SHORT}g}")

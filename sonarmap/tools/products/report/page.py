@@ -1,4 +1,4 @@
-"""report.html: the page's parts joined into one file that needs no other."""
+"""report.html: the page's parts joined into one self-contained file."""
 
 import html
 import json
@@ -16,7 +16,7 @@ from sonarmap.tools.files.user_file import naming
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.products.report.content import Content, content_of
 
-# One after another in one scope, so that a name is there before what uses it at load.
+# Joined in this order in one scope: a script may use names of earlier ones at load.
 SCRIPTS = tuple(
     f"{name}.js"
     for name in (
@@ -29,8 +29,8 @@ Files = Sequence[tuple[str, str]]  # package and name of each
 
 
 def write_report(folder: Map) -> Path:
-    """Write report.html into a map's folder, and list it in summary.json, so that the next `sonarmap map` removes it;
-    returns its path."""
+    """Write report.html into a map's folder and return its path; summary.json lists it, so that the next `sonarmap map`
+    removes it."""
     with as_written(folder.path), naming(folder.path):
         page = report_text(content_of(folder))
     with all_or_none():
@@ -58,26 +58,26 @@ def page_text(
     body: tuple[str, str],
     styles: Files,
     scripts: Files,
-    said: tuple[str, str],
+    heading: tuple[str, str],
     content: Mapping[str, Any],
     points: Mapping[str, Sequence[bytes | None]],
     **more: str,
 ) -> str:
-    """A page that holds all that it needs. Texts are in it as JSON, which the scripts show as text, or escaped.
+    """HTML of a self-contained page; its texts are JSON, which the scripts show as text, or escaped.
 
     Args:
-        body: the file of what follows the heading, with `$content`, `$points`, `$script` and whatever `more` fills in.
-        said: the heading, and a sentence below it.
+        body: template of the part below the heading, with `$content`, `$points`, `$script` and the names in `more`.
+        heading: the title, and a sentence below it.
         content: what the scripts show.
-        points: gzipped points; the scripts know those of `kind` as the elements kind-0, kind-1 and so on.
+        points: gzipped points by kind, in elements with ids kind-0, kind-1 and so on.
     """
     elements = [
-        f'<script type="application/gzip" id="{kind}-{number}">{_base64(each)}</script>'
+        f'<script type="application/gzip" id="{kind}-{number}">{_base64(data)}</script>'
         for kind, packed in points.items()
-        for number, each in enumerate(packed)
-        if each is not None
+        for number, data in enumerate(packed)
+        if data is not None
     ]
-    title, verdict = (html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8")) for text in said)
+    title, verdict = (html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8")) for text in heading)
     return Template(part(REPORT_WEB, "head.html") + part(*body)).substitute(
         joined(styles, scripts),
         title=title,
@@ -89,8 +89,8 @@ def page_text(
 
 
 def joined(styles: Files, scripts: Files) -> Mapping[str, str]:
-    """What a page's template has to fill in of these files: `style`, `script`, and what a
-    Content-Security-Policy names them by, `style_hash` and `script_hash`."""
+    """Values for a page's template: `style` and `script`, the joined files, and `style_hash` and `script_hash`, their
+    hashes for the Content-Security-Policy."""
     style = "\n" + "".join(part(*each) for each in styles)
     script = "\n" + "\n".join(part(*each) for each in scripts)
     return {"style": style, "style_hash": _hash(style), "script": script, "script_hash": _hash(script)}
@@ -101,13 +101,13 @@ def part(package: str, name: str) -> str:
 
 
 def embedded(value: Any) -> str:
-    """JSON that no HTML parser takes for a tag, whatever texts are in it; ASCII, so that any file name survives."""
+    """JSON without characters of HTML tags, for use in a page; ASCII, so that any file name survives."""
     text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
 
 
 def embedded_png(data: bytes) -> str:
-    """The address of a picture that is in the page."""
+    """Data URL of a PNG."""
     return f"data:image/png;base64,{_base64(data)}"
 
 

@@ -1,4 +1,4 @@
-"""Pictures as PNG files: the map from above, with the track; and a log of navigation by itself."""
+"""Pictures as PNG files: a map from above with its track, and a navigation log."""
 
 import warnings
 from collections.abc import Sequence
@@ -24,30 +24,29 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _HEIGHTS, _BESIDE, _DPI = 8.0, (3.0, 11.0), (2.2, 1.7), 140  # of the map, and of what is beside it [in]
-_COLORS = "viridis"  # even to the eye, in gray prints, and to the color-blind; the report has the same
-# Of Okabe and Ito's colors those that differ from the map's own, to any eye; they repeat after so many surveys.
+_WIDTH, _HEIGHTS, _BESIDE, _DPI = 8.0, (3.0, 11.0), (2.2, 1.7), 140  # width, range of heights, margins of the map [in]
+_COLORS = "viridis"  # perceptually uniform, also in gray prints and for the color-blind; as in the report
+# Those of Okabe and Ito's colors that differ from the map's; surveys after the fifth repeat them
 _TRACKS = ("#D55E00", "#000000", "#CC79A7", "#E69F00", "#56B4E9")
 _DOT = 1.5  # edge of a dot [voxels]: points lie anywhere in their voxels, and surfaces should show no gaps
-_CELLS = 1200  # most cells along an axis
-_STRAY, _MARGIN = 0.002, 0.05  # share of the points at either end that may lie outside; rim around the others
-_EXTREMES, _FLAT = (0.01, 0.99), 0.5  # quantiles of the levels between which colors change; least range [voxels]
-_LONGEST = 60  # name in the title
+_CELLS = 1200  # largest number of cells along an axis
+_STRAY, _MARGIN = 0.002, 0.05  # share of the points at either end that may lie outside; share of the extent as margin
+_EXTREMES, _FLAT = (0.01, 0.99), 0.5  # quantiles at the ends of the color scale; its smallest range [voxels]
+_LONGEST = 60  # characters of a name in the title
 _MARK: dict[str, Any] = {"linestyle": "none", "color": "white", "markeredgecolor": _TRACKS[0], "markeredgewidth": 1.8}
 
 
 def draw_map(
     path: Path, result: SurveyResult, rank: int, inputs: Sequence[str], georeference: Georeference | None = None
 ) -> None:
-    """Write a PNG of map number `rank`, 1 for the largest, seen from above. `inputs` are the files or folders that were
-    mapped, `georeference` None where it is not known."""
+    """Write a PNG of map number `rank`, 1 for the largest, seen from above; `inputs` are its files or folders."""
     write_png(map_figure(result, rank, inputs, georeference), path)
 
 
 def map_figure(
     result: SurveyResult, rank: int, inputs: Sequence[str], georeference: Georeference | None = None
 ) -> "Figure":
-    """The figure: the uppermost points, colored by depth or height, and the track of each survey upon them."""
+    """Figure with the uppermost points, colored by depth or height, and the track of each survey."""
     from matplotlib.figure import Figure
 
     c = placed(result.components)[rank - 1]
@@ -75,7 +74,7 @@ def map_figure(
 
 
 def _title(result: SurveyResult, rank: int, inputs: Sequence[str], track: Trajectory, point_map: PointMap) -> list[str]:
-    """Name and date of the survey and which part this is; scans, points and voxel."""
+    """Lines of the title: name, date and part of the survey; numbers of scans and points, and the voxel."""
     parts = len(placed(result.components))
     of_parts = f"part {rank} of {parts}" if parts > 1 else ""
     called = plain_text(survey_name(inputs), _LONGEST), survey_date(track.stamps), of_parts
@@ -84,7 +83,7 @@ def _title(result: SurveyResult, rank: int, inputs: Sequence[str], track: Trajec
 
 
 def _extent(points: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(2,) lower and upper corner [m] of what is shown: the track, and all points but strays."""
+    """(2,) lower and upper corner of the view [m]: the track, and all points but strays."""
     ends = np.vstack([np.quantile(points, (_STRAY, 1 - _STRAY), axis=0), places])
     lower, upper = ends.min(axis=0), ends.max(axis=0)
     margin = max(_MARGIN * float((upper - lower).max()), 0.25)
@@ -92,7 +91,7 @@ def _extent(points: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _draw_points(axes: "Axes", point_map: PointMap, words: str, zero: float | None) -> None:
-    """The highest point at each place, as an image, with the scale of its colors; `words` say what the levels are."""
+    """Draw the highest point of each cell as an image, with a scale of depths below `zero`, if any, or heights."""
     limits = np.array([axes.get_ylim(), axes.get_xlim()])
     lower, spans = limits[:, 0], np.diff(limits)[:, 0]
     cell = max(point_map.voxel / 2, float(spans.max()) / _CELLS)
@@ -134,7 +133,7 @@ def _draw_track(axes: "Axes", places: np.ndarray, surveys: list[int]) -> None:
 def _levels(
     unmeasured: tuple[str, ...] | None, georeference: Georeference | None, here: Georeference | None
 ) -> tuple[str, float | None]:
-    """What the colors show, and the height from which depths count; None for heights."""
+    """Label of the color scale, and the height from which depths count; None to show heights."""
     if (unmeasured is None or "up" in unmeasured) and (here is None or here.height == 0):
         return "height relative to the first scan [m]", None
     if georeference is None:
@@ -143,14 +142,14 @@ def _levels(
 
 
 def _on_earth(result: SurveyResult, c: int, georeference: Georeference | None) -> bool:
-    """As in an export: by its instruments, or, where these place no part at all, the largest by the user's word."""
+    """Whether instruments place the component on the Earth, or the origin does: the largest, if they place none."""
     maps = placed(result.components)
     lone = c == maps[0] and all(_unmeasured(result, each) != () for each in maps)
     return georeference is not None and (lone or _unmeasured(result, c) == ())
 
 
 def _unmeasured(result: SurveyResult, c: int) -> tuple[str, ...] | None:
-    """Names of MEASURED that no instrument measured of a component; None where it is not in the world at all."""
+    """Names of MEASURED that no instrument measured for a component; None if it is not in the world."""
     graph, members = result.solution.graph, result.components[c]
     if {pose for pose, _ in graph.priors}.union(known.pose for known in graph.known).isdisjoint(members):
         return None
@@ -162,11 +161,11 @@ _A4 = 11.7, 8.3  # landscape [in]
 _GOOD, _WRONG = "#0072B2", "#D55E00"
 _SERIES = {"roll": [0], "pitch": [1], "heading": [2], "depth": [5]}
 _UNITS = {"roll": "roll [°]", "pitch": "pitch [°]", "heading": "heading [°]", "depth": "depth [m]"}
-_OUTSIDE = 0.5  # of the good rows' extent, beyond which a wrong place is not shown
+_OUTSIDE = 0.5  # largest distance of a shown wrong position from the others, as a share of their extent
 
 
 def log_figure(found: LogOverview) -> "Figure":
-    """The figure: the track to the left, what is measured over time to the right."""
+    """Figure with the track on the left and the measurements over time on the right."""
     from matplotlib.figure import Figure
 
     shown = [name for name, columns in _SERIES.items() if np.isfinite(found.log.values[:, columns]).any()]
@@ -224,7 +223,7 @@ def _draw_series(axes: "Axes", found: LogOverview, times: np.ndarray, name: str)
 
 
 def write_png(figure: "Figure", path: Path) -> None:
-    """Draw a figure. The same figure gives the same bytes."""
+    """Write a figure as PNG; the same figure gives the same bytes."""
     with warnings.catch_warnings(), atomic_path(path) as temporary:
-        warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a name's script: drawn as boxes
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # characters without a glyph are drawn as boxes
         figure.savefig(temporary, format="png")

@@ -1,9 +1,9 @@
-"""The points of a map as few bytes: quantized, in the order of a space-filling curve, as differences, gzipped.
+"""Compressed points of a map: quantized, sorted along a space-filling curve, as differences, gzipped.
 
-Coordinates are whole numbers of a quantum, a `FRACTION`th of the voxel, from the corner of a tile 65,536 quanta wide.
-Within a tile points follow a Morton curve, so that neighbors in the file are neighbors in space and their differences
-small. The bytes are laid out in planes (all low bytes of x, then all high bytes of x, and so on), which gzip packs
-best. `web/packed.js` unpacks them.
+Coordinates are whole numbers of a quantum, 1 / `FRACTION` of a voxel, from the corner of a tile 65,536 quanta wide.
+Within a tile points follow a Morton curve, so that successive points are near each other and their differences small.
+The bytes are laid out in planes (all low bytes of x, then all high bytes of x, and so on), which gzip compresses best.
+`web/packed.js` unpacks them.
 """
 
 import gzip
@@ -17,13 +17,13 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 
-FRACTION = 64  # quanta in a voxel: a coordinate is off by a 128th of a voxel at most
+FRACTION = 64  # quanta in a voxel: coordinates are rounded by at most a 128th of a voxel
 TILE = 1 << 16  # edge of a tile [quanta]
 MOST_CODE = 255
-MOST_DOUBTFUL = 300_000  # points, so that they add about 2 MB to the page at most
+MOST_DOUBTFUL = 300_000  # largest number of doubtful points, about 2 MB of the page
 _LEVEL = 6  # of gzip: a higher one takes three times as long for two percent
 _AXES = 3
-_SPACED = (  # how the bits of a number of 16 bits are moved until there are two zeros between any two
+_SPACED = (  # shifts and masks that insert two zeros between the bits of a number of 16 bits
     (16, 0x0000FF0000FF),
     (8, 0x00F00F00F00F),
     (4, 0x0C30C30C30C3),
@@ -32,11 +32,11 @@ _SPACED = (  # how the bits of a number of 16 bits are moved until there are two
 
 
 def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) -> tuple[bytes, dict[str, Any]]:
-    """Pack points (M, 3) [m] of a map with voxels of this edge [m], and columns of M whole numbers, not negative, below
-    2**32, which take as many bytes a point as they need. Returns gzipped planes of M bytes each, and what a reader has
-    to know: the `quantum` that coordinates are whole numbers of [m]; the `tiles` in the order of the points, of which
-    `count` share the corner `origin` [m]; and `planes`, {column: its number of planes}, in their order behind the six
-    of x, y and z, lowest byte first."""
+    """Pack points (M, 3) [m] and columns of M whole numbers from 0 to 2**32 - 1.
+
+    Returns gzipped planes of M bytes each, and their layout: the `quantum` of coordinates [m]; the `tiles` in the order
+    of the points, each with the `count` of its points and its corner `origin` [m]; and `planes`, {column: number of
+    planes}. These follow the six planes of x, y and z, lowest byte first."""
     quantum = voxel / FRACTION
     lowest = points.min(axis=0) if len(points) else np.zeros(_AXES)
     places = np.rint((points - lowest) / quantum).astype(np.int64)
@@ -56,8 +56,8 @@ def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) ->
 
 
 def doubtful_of(folder: Map, part: MapPart) -> tuple[bytes, dict[str, Any]] | tuple[None, None]:
-    """The doubtful points of a part, `packed`, evenly thinned where there are more than MOST_DOUBTFUL, and how many
-    there are; None where the map has none."""
+    """Packed doubtful points of a part, evenly thinned to MOST_DOUBTFUL, with their layout and numbers; None without
+    any."""
     name = f"map_all{part.suffix}.ply"
     if name not in folder.summary.get("files", ()) or not (folder.path / name).is_file():
         return None, None
@@ -80,8 +80,8 @@ def doubtful_of(folder: Map, part: MapPart) -> tuple[bytes, dict[str, Any]] | tu
 
 
 def codes(values: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
-    """Positive numbers (M,) as bytes: 0 where there is none, else 1 to 255 from the smallest to the largest in equal
-    ratios; and these two."""
+    """Positive numbers (M,) as bytes, and their extremes: 1 to 255 on a logarithmic scale from the smallest to the
+    largest, 0 for a missing number."""
     values = np.asarray(values, np.float64)
     known = np.isfinite(values) & (values > 0)
     if not known.any():
@@ -92,7 +92,7 @@ def codes(values: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
 
 
 def _along_curve(places: np.ndarray) -> np.ndarray:
-    """(M,) uint64: the bits of x, y and z (M, 3), each of 16 bits, in turn."""
+    """(M,) uint64 Morton codes: the bits of x, y and z (M, 3), 16 each, interleaved."""
     places = places.copy()
     for shift, mask in _SPACED:
         places = (places | places << np.uint64(shift)) & np.uint64(mask)
@@ -106,7 +106,7 @@ def _starts(corner: np.ndarray) -> np.ndarray:
 
 
 def _steps(axis: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """(M,) uint16: how far each point is from the one before, a tile's first from 0; forth even and back odd."""
+    """(M,) uint16 zigzag-coded differences between successive points; those of a tile's first point are from 0."""
     steps = np.diff(axis, prepend=np.uint16(0))
     steps[starts] = axis[starts]
     steps = steps.astype(np.int16)

@@ -1,4 +1,4 @@
-"""What a map was made of and with: its title, its settings, and the command that makes it again."""
+"""Provenance of a map: its title, its settings, its citation, and the command that makes it again."""
 
 import glob
 import math
@@ -13,9 +13,9 @@ from sonarmap.kernels.counted import counted
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.time_scales import are_times, utc_text
 
-_NAMED = 3  # inputs in a title
+_NAMED = 3  # largest number of inputs in a title
 _DATE = len("2024-05-17")
-# Of settings whose name does not say it; the others are counts, shares and names.
+# Units of settings by name; others are counts, shares and names.
 UNITS = {
     "edge": "voxels",
     "voxel": "m",
@@ -37,7 +37,7 @@ CITATION = (
     "Bülow, H., Birk, A.: Spectral registration of noisy sonar data for underwater 3D mapping. "
     "Autonomous Robots 30 (2011). doi:10.1007/s10514-011-9221-8"
 )
-# Settings of the mapper that an option sets: where they are, the option, and its default.
+# Settings of the mapper with an option: path in the settings, option, default.
 _OF_MAPPER = (
     ("loops.per_scan", "--loops", 2),
     ("limits.speed", "--max-speed", None),
@@ -51,14 +51,14 @@ _EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says othe
 
 
 def inputs_of(settings: Mapping[str, Any]) -> list[str]:
-    """Files, folders or patterns, as they were given."""
+    """Input files, folders or patterns as the user gave them."""
     given = settings.get("inputs", [])
     return [str(path) for path in (given if isinstance(given, list) else [given])]
 
 
 def survey_name(inputs: Sequence[str]) -> str:
-    """The names of the first files or folders that were given; of a pattern, or of many in one folder, that folder's.
-    Empty where there is none."""
+    """Names of the first files or folders given; for a pattern, or for many files of one folder, the folder's name;
+    empty without inputs."""
     folders = {Path(path).absolute().parent for path in inputs}
     if len(inputs) > _NAMED and len(folders) == 1:
         inputs = [str(*folders)]
@@ -67,8 +67,7 @@ def survey_name(inputs: Sequence[str]) -> str:
 
 
 def survey_date(stamps: np.ndarray) -> str:
-    """The day on which scans with these stamps (n,) [s] were taken, or the first and the last; empty where the stamps
-    are no times."""
+    """Day of scans with these stamps (n,) [s], or the first and the last day; empty if the stamps are not times."""
     if not are_times(stamps):
         return ""
     first, last = (utc_text(float(stamp))[:_DATE] for stamp in (stamps.min(), stamps.max()))
@@ -76,8 +75,8 @@ def survey_date(stamps: np.ndarray) -> str:
 
 
 def plain_text(name: str, longest: int | None = None) -> str:
-    """A name as one line of a picture's text: a dollar sign begins no formula, and the middle of a long one is left
-    out."""
+    """A name as one line of a figure's text: dollar signs, which begin formulas, are escaped, and long names shortened
+    in the middle."""
     name = "".join(c if c.isprintable() else "?" for c in name)
     if longest is not None and len(name) > longest:
         name = f"{name[: longest // 2]}…{name[-((longest - 1) // 2) :]}"
@@ -92,18 +91,18 @@ def _name(path: str) -> str:
 
 
 def title(inputs: Sequence[str], stamps: np.ndarray) -> str:
-    """What was mapped, by the inputs as they were given, and when, by the stamps (N,) of the scans [s]."""
+    """Title of a map: its inputs, number of scans and dates, from the stamps (N,) of the scans [s]."""
     what = f"Map of {survey_name(inputs)}, " if inputs else "Map of "
     return ", ".join(filter(None, [what + counted(len(stamps), "scan"), survey_date(stamps)]))
 
 
 def setting_rows(settings: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Every setting by its full name, and its value in words."""
+    """Full name of every setting, and its value in words."""
     return [(name, _worded(name.rpartition(".")[2], value)) for name, value in _flat(settings, "")]
 
 
 def citation(versions: Mapping[str, Any]) -> str:
-    """How to cite a map that these versions made."""
+    """Citation of a map that these package versions made."""
     return f"Map made with sonarmap {versions.get('sonarmap') or ''}, by the method of {CITATION}".replace("  ", " ")
 
 
@@ -130,10 +129,10 @@ def _worded(name: str, value: Any) -> str:
 
 
 def map_command(settings: Mapping[str, Any], georeference: Georeference | None = None) -> dict[str, str]:
-    """`sonarmap map` with the options that summary.json has settings of, and apart its inputs, all quoted for a POSIX
-    shell; the map's place on the Earth is said where no navigation says it again. The page adds its own folder, so that
-    its bytes do not depend on where it lies. The grid is as it was, so that pairs that are in the journal are not
-    registered again."""
+    """`sonarmap map` with the options of a map's settings, and its inputs, quoted for a POSIX shell.
+
+    --origin is given unless navigation sets the place. The grid stays, so that pairs in the journal are not registered
+    again. The page adds its own folder, so that its bytes do not depend on it."""
     words = ["sonarmap", "map"]
     if "method" in settings:
         words += ["--method", str(settings["method"])]
@@ -141,9 +140,9 @@ def map_command(settings: Mapping[str, Any], georeference: Georeference | None =
     if isinstance(grid, Mapping):
         words += ["--grid", str(grid["edge"]), "--voxel", str(grid["voxel"])]
     for name, value in settings.items():
-        for each in cast("list[Any]", value) if isinstance(value, list) else [value]:
-            if name not in _NOT_OPTIONS and isinstance(each, str | int | float):
-                words += _option(f"--{name.replace('_', '-')}", each)
+        for item in cast("list[Any]", value) if isinstance(value, list) else [value]:
+            if name not in _NOT_OPTIONS and isinstance(item, str | int | float):
+                words += _option(f"--{name.replace('_', '-')}", item)
     words += _mapper_words(settings.get("mapper"))
     if georeference is not None and "priors" not in settings:
         words += _origin_words(georeference)
