@@ -1,1 +1,1 @@
-"""What changed between two surveys of a place: one brought onto the other, distances, levels of detection, regions."""
+"""Changes between two surveys of a place: their alignment, distances with levels of detection, and changed regions."""

@@ -1,4 +1,4 @@
-"""A point cloud of another program as one of the two surveys: its points are known, and no pose of its sensor."""
+"""A point cloud of another program as one of the two surveys: its points are known, but not its sensor's poses."""
 
 import os
 from collections.abc import Callable
@@ -25,26 +25,26 @@ if TYPE_CHECKING:
 Given: TypeAlias = Map | np.ndarray | str | os.PathLike[str]
 
 _READERS = {suffix: each.read for suffix, each in FORMATS.items() if each.read is not None}
-_FEWEST, _FEW = 50, 2.0  # voxels with points; points in a voxel, below which a cloud was thinned
-_LARGE, _ROUND = 1e4, 1000.0  # [m], coordinates that are counted from a place near them, at a multiple of this
-_INNER, _OTHER_UNIT = (0.05, 0.95), 100.0  # quantiles between which a cloud extends; times the map's extent: not meters
-# Between made-up places, in reaches of the map's views, at least so many voxels; and how far they see, in these steps
+_FEWEST, _FEW = 50, 2.0  # least number of voxels with points; points per voxel below which a cloud counts as thinned
+_LARGE, _ROUND = 1e4, 1000.0  # coordinates beyond the first are counted from an origin, a multiple of the second [m]
+_INNER, _OTHER_UNIT = (0.05, 0.95), 100.0  # quantiles of a cloud's extent; ratio to the map's that is another unit
+# Spacing of virtual viewpoints: share of the reach of the map's views, and minimum [voxels]; their range [spacings]
 _APART, _LEAST_APART, _RADIUS = 0.5, 8.0, 1.2
 
 
 @dataclass(frozen=True, slots=True)
 class PointCloud:
     path: Path  # of its file
-    points: np.ndarray  # (M, 3) float64 mean of the points of each [m], local frame, as `notes` say
-    weight: np.ndarray  # (M,) float64, how many these are
-    voxel: float  # edge of the voxels, those of the map beside it [m]
-    sigma: float | None  # standard deviation of a coordinate [m]; None where only the scatter tells
+    points: np.ndarray  # (M, 3) float64 mean of the points in each voxel [m], in the local frame that `notes` describe
+    weight: np.ndarray  # (M,) float64, number of points in each voxel
+    voxel: float  # edge of a voxel, that of the other survey's map [m]
+    sigma: float | None  # standard deviation of a coordinate [m]; None to estimate it from the scatter
     georeference: Georeference | None  # of the local frame, East-North-Up; None without a CRS
-    notes: tuple[str, ...]  # what the user should know, in words
+    notes: tuple[str, ...]  # remarks for the user, one sentence each
 
     @classmethod
     def read(cls, path: Path, beside: Map, sigma: float | None = None) -> "PointCloud":
-        """The cloud of a file, to be compared with a map."""
+        """Read the cloud of a file, to be compared with the map `beside`."""
         if (read := _READERS.get(path.suffix.lower())) is None:
             raise InputError(
                 f"{path} is neither the folder of a finished map nor a file of points; wanted the folder that "
@@ -59,7 +59,7 @@ class PointCloud:
     def of_points(
         cls, given: np.ndarray, beside: Map, sigma: float | None = None, path: Path = Path("points"), crs: Any = None
     ) -> "PointCloud":
-        """The cloud of points (N, 3) [m] in a pyproj CRS, None for a frame of its own."""
+        """The cloud of points (N, 3) [m] in a pyproj CRS, or in their own frame for None."""
         if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "fiu":
             raise InputError(f"an array of {given.dtype} of shape {given.shape}; wanted numbers (N, 3) in meters")
         points = given[np.isfinite(given).all(axis=1)].astype(np.float64)
@@ -80,62 +80,62 @@ class PointCloud:
         means, weight = _thinned(points, beside.voxel)
         if len(means) < _FEWEST:
             raise InputError(
-                f"it has finite points in {len(means)} voxels of the map; wanted {_FEWEST} or more: is it in meters?"
+                f"it has finite points in {len(means)} voxels of the map; wanted {_FEWEST} or more: check its unit"
             )
-        if sigma is None and weight.mean() < _FEW:  # strays count as much as the surface then
+        if sigma is None and weight.mean() < _FEW:  # of such a cloud the scatter is no measure: strays weigh too much
             sigma = beside.voxel
             notes.append(
-                f"{path}: it seems to be thinned ({weight.mean():.1f} points in a voxel), so that its sigma is taken "
-                f"to be {sigma:.2f} m; give all of its points, or --cloud-sigma"
+                f"{path}: it seems to be thinned ({weight.mean():.1f} points in a voxel), so its sigma is set to "
+                f"{sigma:.2f} m; give all of its points, or --cloud-sigma"
             )
         cloud = cls(path, means, weight, beside.voxel, sigma, here, tuple(notes))
         ours, theirs = cloud.extents(beside)
         if ours > _OTHER_UNIT * theirs:
             raise InputError(
-                f"it extends over {ours:,.0f} m, and the map over {theirs:,.0f} m: are these millimeters, or another "
-                "unit? Wanted meters; cut the map's place out of a larger cloud"
+                f"it extends over {ours:,.0f} m, and the map over {theirs:,.0f} m; wanted meters: convert another "
+                "unit, or cut the map's area out of a larger cloud"
             )
         return cloud
 
     def extents(self, beside: Map) -> list[float]:
-        """Of the cloud and of the map beside it [m], without strays."""
+        """Largest extents of the cloud and of the map `beside` it [m], without strays."""
         clouds = self.points, beside.parts[0].points
-        return [float(np.ptp(np.quantile(each, _INNER, axis=0), axis=0).max()) for each in clouds]
+        return [float(np.ptp(np.quantile(points, _INNER, axis=0), axis=0).max()) for points in clouds]
 
     def seen_as(self, real: SurveyedMap) -> "CloudMap":
-        """As a map in which the views of a real one are located: from made-up places all over it, one amid the points
-        of each square, which sees a ball, as nobody knows where they were seen from."""
+        """The cloud as a map in which views of the map `real` are located. Its viewpoints are virtual, as the true ones
+        are unknown: one amid the points of each square, which sees a ball."""
         reach = float(np.median([real.view_of(key).reach for key in real.apart]))
         apart = max(_APART * reach, _LEAST_APART * self.voxel)
         cells = np.floor(self.points[:, :2] / apart)
         _, square, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
         places = np.column_stack([np.bincount(square.ravel(), axis) for axis in self.points.T]) / count[:, None]
         seen_by, T = np.asarray(KDTree(places).query(self.points)[1]), RigidTransform.from_translation(places)
-        exact, nothing = np.zeros((len(places), 6, 6)), np.zeros(6, bool)
-        return CloudMap(self.points, seen_by, T, exact, self.voxel, nothing, _RADIUS * apart)
+        exact, unmeasured = np.zeros((len(places), 6, 6)), np.zeros(6, bool)
+        return CloudMap(self.points, seen_by, T, exact, self.voxel, unmeasured, _RADIUS * apart)
 
 
 @dataclass(frozen=True, slots=True)
 class CloudMap(SurveyedMap):
-    """A cloud as a map, seen from places that are made up."""
+    """A cloud as a map, seen from virtual viewpoints."""
 
-    radius: float  # of the ball that is seen from each [m]
+    radius: float  # of the ball seen from each viewpoint [m]
 
     def view_of(self, key: int) -> View:
-        """All about the place."""
+        """The ball around the viewpoint."""
         return View(self.radius, np.array([0.0, 0.0, 1.0]), -1.0)
 
 
 def opened_surveys(
     old: Given, new: Given, sigma: float | None, open_map: Callable[[Any], Map]
 ) -> tuple[Map | PointCloud, Map | PointCloud, Map]:
-    """What is to be compared, maps as `open_map` opens them and at most one cloud, a file or points (N, 3) [m]; and the
-    one that is a map, the old one of two."""
+    """The old and the new survey, and the one of them that is a map, of two the old one. At most one may be a cloud, a
+    file or points (N, 3) [m]; `open_map` opens maps."""
     old_is_cloud, new_is_cloud = _is_cloud(old), _is_cloud(new)
     if old_is_cloud and new_is_cloud:
         raise InputError(
-            "both are point clouds; wanted the folder of a finished map for one of them, as poses are known of maps "
-            "alone: map the scans of one with `sonarmap map`, or compare two clouds with CloudCompare or py4dgeo"
+            "both are point clouds; wanted the folder of a finished map for one of them, as only maps have poses: map "
+            "the scans of one with `sonarmap map`, or compare two clouds with CloudCompare or py4dgeo"
         )
     beside, other = open_map(new if old_is_cloud else old), cast("Any", old if old_is_cloud else new)
     if not (old_is_cloud or new_is_cloud):
@@ -148,21 +148,21 @@ def opened_surveys(
 
 
 def _is_cloud(given: Given) -> bool:
-    """Whether it is points or to be read as a file of them, and not a map or the folder of one."""
+    """Whether an argument is an array or a file of points, and not a map or its folder."""
     if isinstance(given, np.ndarray | Map):
         return isinstance(given, np.ndarray)
     return Path(given).is_file() or (Path(given).suffix.lower() in _READERS and not Path(given).is_dir())
 
 
 def _local(points: np.ndarray, crs: "CRS", vertical: str) -> tuple[Georeference, np.ndarray]:
-    """The place of a frame about the middle of points (N, 3) of a CRS, and the points in it."""
+    """East-North-Up frame about the middle of points (N, 3) of a CRS, and the points in it."""
     whole = crs.source_crs if crs.is_bound and crs.source_crs is not None else crs
     flat = whole.sub_crs_list[0] if whole.is_compound else whole.to_2d()
     units = {axis.unit_name for axis in whole.axis_info}
     if not flat.is_projected or units != {"metre"}:
         raise InputError(
             f"its coordinates are of {crs.name}, {flat.type_name} in {', '.join(sorted(units))}; wanted a projected "
-            "CRS in meters, such as the UTM zone: reproject it, as with `pdal translate` and filters.reprojection"
+            "CRS in meters, such as the UTM zone: reproject it, for example with PDAL's filters.reprojection"
         )
     projection = Projection(flat, vertical)
     latitude, longitude, _ = projection.unproject(np.median(points, axis=0)[None])[0].tolist()
@@ -171,7 +171,7 @@ def _local(points: np.ndarray, crs: "CRS", vertical: str) -> tuple[Georeference,
 
 
 def _thinned(points: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """The mean (M, 3) of points [m] in each cell that holds any, and how many it is of (M,); strays are left out."""
+    """Means (M, 3) of points [m] in the cells that hold any, and numbers of these points (M,); strays are left out."""
     keys, near = cell_keys(points, cell, lattice_origin(points, cell) if len(points) else np.zeros(3))
     _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
     means = np.column_stack([np.bincount(number, axis, len(count)) for axis in points[near].T]) / count[:, None]

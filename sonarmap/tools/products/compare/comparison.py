@@ -1,6 +1,6 @@
-"""Two surveys compared: the new one brought onto the old one, distances, and the regions that changed.
+"""Comparison of two surveys: alignment of the new one with the old one, distances, and changed regions.
 
-Views of the new map are located in the old one, and those that agree on one transform count.
+For the alignment, views of the new map are located in the old one; those that agree on one transform count.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,13 +24,13 @@ from sonarmap.tools.products.compare.cloud import PointCloud
 from sonarmap.tools.products.compare.distances import Distances, Region, Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import Epoch
 
-MOST_VIEWS = 16  # of the new map, spread over its track
-FEWEST = 2  # that have to agree, unless the map has a single one
-_ROUNDS = 5
-REACH, BOUND = 4.0, 2.0  # [voxels], the defaults
+MOST_VIEWS = 16  # largest number of views of the new map, spread over its track
+FEWEST = 2  # least number of views that have to agree, unless the map has a single one
+_ROUNDS = 5  # of the iteration to the mean transform
+REACH, BOUND = 4.0, 2.0  # defaults of `CompareSettings` [voxels]
 _SIZES = " Is the cloud in meters? It extends over {:,.0f} m, the map over {:,.0f} m."
-_ARM = 100.0  # [m], of the axes by which a frame on the Earth is brought to another
-_SURE = np.diag(np.repeat([1e-9, 1e-6], 3) ** 2)  # [rad, m]
+_ARM = 100.0  # length of the axes by which one frame on the Earth is aligned with another [m]
+_EXACT = np.diag(np.repeat([1e-9, 1e-6], 3) ** 2)  # covariance of the alignment of maps in one frame [rad, m]
 Step = Callable[[int, int, str], None]
 
 
@@ -38,13 +38,13 @@ Step = Callable[[int, int, str], None]
 class Alignment:
     T_old_new: RigidTransform  # p_old = T_old_new p_new [m]
     covariance: np.ndarray  # (6, 6) rotation first [rad, m], left tangent: T_true = Exp(xi) T_old_new
-    located: int  # views of the new map that were located in the old one
-    agreeing: int  # of these, how many agree with the transform
-    tried: int
+    located: int  # number of views of the new map that were located in the old one
+    agreeing: int  # number of located views that agree with the transform
+    tried: int  # number of views
 
     @property
     def inverse(self) -> "Alignment":
-        """How the old map lies in the new one, the views being of whichever they are."""
+        """The inverse alignment, with the same numbers of views."""
         T = self.T_old_new.inv()
         return replace(self, T_old_new=T, covariance=propagated(T, self.covariance))
 
@@ -52,8 +52,8 @@ class Alignment:
 def located_views(
     locator: Locator, new: SurveyedMap, step: Callable[[int, int, str], None]
 ) -> tuple[list[tuple[RigidTransform, np.ndarray]], int]:
-    """Where views of the new map lie in the old one: T_old_new of each that is believed, with its (6, 6) covariance
-    [rad, m] as a left tangent; and how many were tried."""
+    """T_old_new from each view of the new map that was located in the old one, with its covariance (6, 6) [rad, m] in
+    the left tangent; and the number of views tried."""
     apart = new.apart
     keys = [apart[k] for k in np.unique(np.linspace(0, len(apart) - 1, MOST_VIEWS).round().astype(int)).tolist()]
     answers: list[tuple[RigidTransform, np.ndarray]] = []
@@ -69,8 +69,8 @@ def located_views(
 
 
 def agreed(answers: list[tuple[RigidTransform, np.ndarray]], tried: int) -> Alignment | None:
-    """The transform on which most answers agree; None where too few do. Its covariance is that of a single one of
-    these: what keeps them apart, the poses of both maps, they partly share, so that it does not average out."""
+    """The transform on which most answers agree; None if too few do. Its covariance is that of a single answer: errors
+    of the maps' poses, which the answers partly share, do not average out."""
     if not answers:
         return None
     T = RigidTransform.concatenate([each for each, _ in answers])
@@ -90,7 +90,7 @@ def agreed(answers: list[tuple[RigidTransform, np.ndarray]], tried: int) -> Alig
 
 
 def _apart(T: RigidTransform, C: np.ndarray, others: RigidTransform, covariances: np.ndarray) -> np.ndarray:
-    """(n,) how far other transforms are from one [sigmas]."""
+    """(n,) distances of the transforms `others` from T [sigmas]."""
     return lengths((others * T.inv()).as_exp_coords(), covariances + C)
 
 
@@ -98,25 +98,25 @@ def _silent(done: int, total: int, text: str) -> None: ...
 
 
 class NotAlignedError(InputError):
-    """The new map could not be brought onto the old one."""
+    """The new map could not be aligned with the old one."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompareSettings:
-    reach: float | None = None  # how far along the normal the new surface is sought [m]; None for REACH voxels
-    bound: float | None = None  # largest level of detection of a place called unchanged [m]; None for BOUND voxels
+    reach: float | None = None  # range along the normal in which the new surface is sought [m]; None for REACH voxels
+    bound: float | None = None  # largest level of detection of an unchanged core point [m]; None for BOUND voxels
 
 
-@dataclass(frozen=True)  # without slots: what is counted is kept
+@dataclass(frozen=True)  # without slots, for cached properties
 class Comparison:
-    """What changed from an old survey to a new one.
+    """Changes from an old survey to a new one.
 
     Attributes:
-        old, new: what was compared.
-        alignment: how the new map was brought onto the old one; None where frames were kept.
-        distances: of all core points, frame of the old map.
-        regions: that changed, the largest volume first.
-        notes: what the user should know of a cloud, in words.
+        old, new: names of the surveys.
+        alignment: of the new map with the old one; None if the frames were kept.
+        distances: of all core points, in the frame of the old map.
+        regions: changed regions, the largest volume first.
+        notes: remarks about a cloud, one sentence each.
     """
 
     old: str
@@ -128,13 +128,13 @@ class Comparison:
 
     @cached_property
     def areas(self) -> Mapping[str, float]:
-        """What can be said, by the names of `Verdict` in small letters -> area [m^2]."""
+        """Area of each verdict [m^2], by its name in lower case."""
         verdict, area = self.distances.verdict, self.distances.cores.area
-        return {each.name.lower(): float(area[verdict == each].sum()) for each in Verdict}
+        return {kind.name.lower(): float(area[verdict == kind].sum()) for kind in Verdict}
 
     @property
     def median_level(self) -> float:
-        """The level of detection, median of what was compared [m]; NaN where nothing was."""
+        """Median level of detection of the compared core points [m]; NaN without any."""
         level = self.distances.level[self.distances.compared]
         return float(np.median(level)) if len(level) else float("nan")
 
@@ -148,7 +148,7 @@ class Comparison:
         return (
             f"{count} region{'' if count == 1 else 's'} changed from {self.old} to {self.new}: "
             f"gained {gained:,.1f} m3, lost {lost:,.1f} m3\n"
-            f"  unchanged {areas['unchanged']:,.0f} m2, beyond the level {changed:,.0f} m2, cannot be said "
+            f"  unchanged {areas['unchanged']:,.0f} m2, beyond the level {changed:,.0f} m2, unsure "
             f"{areas['unsure']:,.0f} m2, seen in one survey only {alone:,.0f} m2\n"
             f"  level of detection {level}"
         )
@@ -186,15 +186,15 @@ def compare_maps(
     settings: CompareSettings,
     step: Step = _silent,
 ) -> Comparison:
-    """The largest parts of two finished maps, or of one and a cloud. Without a registrar both are in one frame, by
-    their places on the Earth where both have one, else as they are.
+    """Compare the largest parts of two finished maps, or of a map and a cloud. Without a registrar they are in one
+    frame, by their georeferences if both have one, else as they are.
 
     Raises:
         NotAlignedError: too few views of the new map were located in the old one, or they contradict one another.
         InputError: a map cannot be used, or heights of maps on the Earth count from different levels.
     """
     if registrar is None:
-        alignment, placed = None, (_in_one_frame(old, new), _SURE)
+        alignment, placed = None, (_in_one_frame(old, new), _EXACT)
     else:
         alignment = align(old, new, registrar, step)
         placed = alignment.T_old_new, alignment.covariance
@@ -213,15 +213,15 @@ def compare_maps(
 
 
 def compare_surveys(folder: Map, first: int, second: int, settings: CompareSettings) -> Comparison:
-    """Two surveys of one map, in its frame."""
+    """Compare two surveys of one map, in its frame."""
     epochs = Epoch.of_map(folder, first), Epoch.of_map(folder, second)
     names = f"survey {first}", f"survey {second}"
     return _compared(names, None, *epochs, None, folder.voxel, settings)
 
 
 def align(old: Map | PointCloud, new: Map | PointCloud, registrar: SpectralRegistrar, step: Step) -> Alignment:
-    """How a new survey lies in an old one; views of a cloud are not known, so that those of the map are located in it.
-    Raises NotAlignedError."""
+    """Align a new survey with an old one; as a cloud has no views, those of the map are located in it. Raises
+    NotAlignedError."""
     target, source = (new, old) if isinstance(new, PointCloud) else (old, new)
     assert isinstance(source, Map)
     views = surveyed_map(source)
@@ -231,9 +231,8 @@ def align(old: Map | PointCloud, new: Map | PointCloud, registrar: SpectralRegis
     if alignment is None:
         sizes = "" if isinstance(target, Map) else _SIZES.format(*target.extents(source))
         raise NotAlignedError(
-            f"{source.path} cannot be brought onto {target.path}: of {tried} views {len(answers)} were located in it, "
-            f"and too few of them agree. Are they of one place?{sizes} Where both are in one frame, --same-frame does "
-            "without"
+            f"{source.path} cannot be aligned with {target.path}: {len(answers)} of {tried} views were located in it, "
+            f"and too few of them agree. Do both show one place?{sizes} If both are in one frame, give --same-frame"
         )
     return alignment if source is new else alignment.inverse
 
@@ -253,12 +252,12 @@ def _compared(
 
 
 def _on_earth(each: Map | PointCloud) -> Georeference | None:
-    """Where the frame is; None where that is not known."""
+    """Georeference of the frame; None if it is not known."""
     return each.georeference if isinstance(each, PointCloud) or each.on_earth(each.parts[0]) else None
 
 
 def _in_one_frame(old: Map | PointCloud, new: Map | PointCloud) -> RigidTransform:
-    """T_old_new where nothing is registered."""
+    """T_old_new from the georeferences; the identity without them."""
     before, after = _on_earth(old), _on_earth(new)
     if before is None or after is None:
         return RigidTransform.identity()

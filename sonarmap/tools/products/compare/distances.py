@@ -1,9 +1,8 @@
-"""Distances between two surveys, each with its level of detection, and what can be said of each core point.
+"""Distances between two surveys with their levels of detection, the verdict on each core point, and changed regions.
 
-The errors of all poses and of the alignment move whole stretches of a surface. Most of a place does not change between
-two surveys, so that its surface says how large these errors are: they are estimated from all distances together, held
-by their covariances, distances beyond their scatter being left out (Tukey's biweight). What is left of their
-covariance, noise and roughness make the level of detection.
+Errors of the poses and of the alignment shift whole areas of a surface. Most of a place does not change between two
+surveys, so these errors are estimated from all distances together, with their covariances as prior and Tukey's biweight
+against outliers. Their remaining covariance, noise and roughness make up the level of detection.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,54 +18,51 @@ from scipy.spatial import KDTree
 
 from sonarmap.tools.products.compare.surface import RADIUS, Cores, Epoch, cores_of, faced, layer_of, levers, planes_at
 
-_LEVEL = 1.96  # sigmas, of 95 %
-# Found on simulated pairs of surveys, see docs/measured. _NOISE: the variance of a mean over what the scatter of its
-# points says, as a map's points lie in voxels. Then by what two surveys see edges and corners differently [voxels]: how
-# far points are from their plane beyond _PLANE, and the squared tangent of the angle between both planes times _TILTED
-# and, where neither survey has a plane, more. _ERRING: squared tangent by which a normal errs at most, by noise.
-_NOISE, _PLANE, _TILTED, _TILTED_ROUGH = 0.5, 0.3, 0.7, 6.0
-_ERRING, _LEAST_COSINE = 0.05, 0.1
-_SHARED = 4.0  # by which noise is larger in the estimate of the poses: what surfaces seen from two places differ by
-OVERLAP = np.pi * RADIUS**2  # core points whose cylinders share their points
-_BIWEIGHT, _ROUNDS = 4.0, 8  # [sigmas] beyond which a distance does not count; rounds of weights
-_USUAL = 0.6745  # quantile of |x| / sigma that half of all are below
-# Patches of so many voxels tell by how much sums err more than all that is known; a third of them may have changed.
-_PATCH, _FEWEST_IN_PATCH, _MOST_PATCHES = 6.0, 12, 500
-_UNCHANGED, _UNCHANGED_SIGMAS = 2 / 3, 0.9674  # share of the patches that tells, and below what a normal error's are
-_FAR = 1.75  # [voxels], from which distance on both surfaces cannot be mixed up
-_STEEP = 0.5  # largest upward part of the normal of a wall, of which a cloud may show the other side
-_CHUNK = 20_000
+_LEVEL = 1.96  # level of detection at 95 % [sigmas]
+# From simulated pairs of surveys (docs/measured). At edges and corners the sigma of a distance is the roughness beyond
+# _PLANE, plus tan^2 of the angle between both planes times (_TILTED + _TILTED_ROUGH times that roughness) [voxels].
+_NOISE = 0.5  # variance of a mean, relative to that by the scatter of its points: a map's points lie in voxels
+_PLANE, _TILTED, _TILTED_ROUGH = 0.3, 0.7, 6.0
+_ERRING, _LEAST_COSINE = 0.05, 0.1  # largest squared tangent of a normal's error by noise; bound on a cosine
+_SHARED = 4.0  # factor on the noise in the estimate of the poses, for differences between viewpoints
+OVERLAP = np.pi * RADIUS**2  # number of core points whose cylinders share their points
+_BIWEIGHT, _ROUNDS = 4.0, 8  # largest distance that counts [sigmas]; iterations of the weights
+_MEDIAN = 0.6745  # of |x| / sigma of a normal distribution
+# Sums over patches measure correlated errors that are not modeled; a third of the patches may have changed.
+_PATCH, _FEWEST_IN_PATCH, _MOST_PATCHES = 6.0, 12, 500  # edge [voxels], numbers of core points and of patches
+_UNCHANGED, _UNCHANGED_SIGMAS = 2 / 3, 0.9674  # quantile of the patches' sums, and its value for normal errors
+_FAR = 1.75  # smallest distance at which two surfaces cannot be confused [voxels]
+_STEEP = 0.5  # largest upward part of a wall's normal; a cloud may show the wall's other side
+_CHUNK = 20_000  # core points that are treated at a time
 
 
 class Verdict(IntEnum):
-    """What can be said of a core point."""
+    """Verdict on a core point."""
 
-    UNCHANGED = 0  # the distance is below its level of detection, and that is small
-    GAINED = 1  # the surface is now nearer to where it was seen from, by more than the level
-    LOST = 2  # farther away
-    UNSURE = 3  # the level is above its bound, and the distance below the level
+    UNCHANGED = 0  # the distance is below its level of detection, which is below the bound
+    GAINED = 1  # the new surface is nearer to the sensor by more than the level of detection
+    LOST = 2  # the new surface is farther from the sensor by more than the level of detection
+    UNSURE = 3  # the distance is below the level, which is above the bound; or two surfaces may be different ones
     OLD_ONLY = 4  # the new survey has no surface there: not seen, hidden, too few points, or farther than the reach
-    NEW_ONLY = 5  # the old survey has none
+    NEW_ONLY = 5  # the old survey has no surface there
 
 
 @dataclass(frozen=True, slots=True)
 class Distances:
-    """Of K core points, those of NEW_ONLY last."""
+    """Distances at K core points, those of verdict NEW_ONLY last."""
 
-    cores: Cores  # frame of the old map
+    cores: Cores  # in the frame of the old map
     distance: np.ndarray  # (K,) float64 along the normal [m], positive where the surface was gained; NaN where unknown
     level: np.ndarray  # (K,) float64 level of detection at 95 % [m]; NaN where unknown
     verdict: np.ndarray  # (K,) int64, of Verdict
-    # of the m core points that both have, the first m where `compared`
-    compared: np.ndarray  # (m,) int64, which these are
-    noise: np.ndarray  # (m,) variance that neighbors do not share beyond their cylinders [m^2]
-    shape: np.ndarray  # (m,) standard deviation that neighbors may share, where surfaces are no planes [m]
-    shared: Any  # sparse (m, s) by what the s common errors move each distance
-    covariance: np.ndarray  # (s, s) of these
-    widened: float  # factor on all sigmas, by the scatter of the distances
+    compared: np.ndarray  # (m,) int64, indices of the core points that both surveys have
+    noise: np.ndarray  # (m,) variance of noise, correlated only between overlapping cylinders [m^2]
+    shape: np.ndarray  # (m,) standard deviation by surfaces that are not planes, correlated between neighbors [m]
+    shared: Any  # sparse (m, s) derivatives of the distances by the s common errors
+    covariance: np.ndarray  # (s, s) of the common errors
+    widened: float  # factor on all sigmas, from the scatter of the distances
     voxel: float  # [m]
-    # factor on the sigmas of sums beside that, where neighbors err together, as in scans that are bent
-    together: float = 1.0
+    together: float = 1.0  # further factor on sigmas of sums, for correlated errors such as those of distorted scans
 
     @property
     def sigma(self) -> np.ndarray:
@@ -74,22 +70,26 @@ class Distances:
         return self.level / _LEVEL
 
     def sigma_of_sum(self, chosen: np.ndarray) -> float:
-        """Standard deviation of the volume of some of the m core points, an index: the sum of area times distance
-        [m^3]. Common errors count together; noise does as far as cylinders share points."""
+        """Standard deviation of the volume [m^3], the sum of area times distance, of the `chosen` ones of the m core
+        points. Common errors are fully correlated, and noise as far as cylinders overlap."""
         area = self.cores.area[self.compared[chosen]]
         J = self.shared[chosen].T @ area
         overlap = np.minimum(np.pi * (RADIUS * self.voxel) ** 2 / area, len(area))
-        own = (area**2 * self.noise[chosen] * overlap).sum() + (area @ self.shape[chosen]) ** 2
-        return self.together * self.widened * float(np.sqrt(J @ self.covariance @ J + own))
+        local = (area**2 * self.noise[chosen] * overlap).sum() + (area @ self.shape[chosen]) ** 2
+        return self.together * self.widened * float(np.sqrt(J @ self.covariance @ J + local))
 
 
 def distances_between(
     old: Epoch, new: Epoch, alignment: np.ndarray | None, voxel: float, reach: float, bound: float
 ) -> Distances:
-    """From the old survey's surface to the new one's, sought up to `reach` [m] along the normal, both in the old one's
-    frame. The alignment is the (6, 6) covariance of the new frame in the old one [rad, m], left tangent; None for two
-    surveys of one map. The voxel decides about radii [m]; up to the level of detection `bound` [m] a place may be
-    unchanged."""
+    """Distances from the old surface to the new one, both in the old map's frame.
+
+    Args:
+        alignment: (6, 6) covariance of the new frame in the old one [rad, m], left tangent; None for one map.
+        voxel: unit of all radii [m].
+        reach: range along the normal in which the new surface is sought [m].
+        bound: largest level of detection of an unchanged core point [m].
+    """
     cores = cores_of(old, voxel)
     before, after = layer_of(old, cores, voxel, 0.0), layer_of(new, cores, voxel, reach)
     both = np.flatnonzero(np.isfinite(before.height + after.height))
@@ -101,12 +101,12 @@ def distances_between(
     shape, tilt = _shape(old, new, cores.take(both), measured, voxel)
     errors, covariance = _common_errors(measured, noise + shape**2, shared, prior)
     moved = measured + shared @ errors
-    # a shift along the surface shows as a distance where a normal errs
+    # with an error of the normal, a shift along the surface appears as a distance
     shift = [_lifted(scans, levers(points, np.tile(axis, (len(both), 1)))) @ errors for axis in np.eye(3)]
-    aside = np.square(shift).sum(axis=0) - (shared @ errors) ** 2
-    shape = np.sqrt(shape**2 + np.maximum(aside, 0.0) * np.minimum(tilt, _ERRING))
+    tangential = np.square(shift).sum(axis=0) - (shared @ errors) ** 2
+    shape = np.sqrt(shape**2 + np.maximum(tangential, 0.0) * np.minimum(tilt, _ERRING))
     sigma = np.sqrt(noise + shape**2 + _spread(shared, covariance))
-    widened = max(1.0, float(np.median(np.abs(moved) / sigma)) / _USUAL) if len(both) else 1.0
+    widened = max(1.0, float(np.median(np.abs(moved) / sigma)) / _MEDIAN) if len(both) else 1.0
     fresh = cores_of(new, voxel)
     fresh = fresh.take(~faced(fresh, cores, voxel, reach))
     count = len(cores.points)
@@ -126,23 +126,23 @@ def distances_between(
 
 
 def _together(distances: Distances) -> float:
-    """By how much sums over patches are larger than they would be if neighbors erred each by itself; 1 if not."""
+    """Factor by which sums over patches exceed their sigmas, because neighbors' errors are correlated; at least 1."""
     voxel, known = distances.voxel, distances.verdict[distances.compared] != Verdict.UNSURE
     chosen = np.flatnonzero(known & (distances.shape <= voxel))
     at = distances.compared[chosen]
     cells = np.floor(distances.cores.points[at] / (_PATCH * voxel)).astype(np.int64)
     _, patch, size = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     members = np.split(np.argsort(patch, kind="stable"), np.cumsum(size)[:-1])
-    large = [each for each in members if len(each) >= _FEWEST_IN_PATCH]
-    sums = distances.cores.area[at] * distances.distance[at]
+    large = [indices for indices in members if len(indices) >= _FEWEST_IN_PATCH]
+    volumes = distances.cores.area[at] * distances.distance[at]
     some = large[:: max(1, -(-len(large) // _MOST_PATCHES))]
-    off = [abs(sums[each].sum()) / distances.sigma_of_sum(chosen[each]) for each in some]
-    return max(1.0, float(np.quantile(off, _UNCHANGED)) / _UNCHANGED_SIGMAS) if off else 1.0
+    ratios = [abs(volumes[indices].sum()) / distances.sigma_of_sum(chosen[indices]) for indices in some]
+    return max(1.0, float(np.quantile(ratios, _UNCHANGED)) / _UNCHANGED_SIGMAS) if ratios else 1.0
 
 
 def _shared(old: Epoch, new: Epoch, shares: tuple[Any, Any], alignment: np.ndarray | None) -> tuple[Any, np.ndarray]:
-    """(m, n) the share that each of n common errors of six numbers has in a distance, of the shares of all scans in
-    both layers; (6 n, 6 n) their covariance."""
+    """(m, n) share of each of n common errors in a distance, from the shares of the scans in both layers; and the
+    covariance (6 n, 6 n) of these errors of six numbers each."""
     before, after = shares
     if alignment is None:
         scans, prior = after - before, old.covariance
@@ -154,20 +154,20 @@ def _shared(old: Epoch, new: Epoch, shares: tuple[Any, Any], alignment: np.ndarr
 
 
 def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> tuple[np.ndarray, np.ndarray]:
-    """What two surveys see differently of edges and corners: where the two surfaces are not parallel, or points are far
-    from their plane in both. A scour in a bed, or the bed where a heap lay, is a plane in one of them.
-    (m,) the standard deviation of distances by that [m], and (m,) the squared tangent of the angle between the two."""
-    one, rough = planes_at(old, cores.points, voxel)
-    other, rough_after = planes_at(new, cores.points + distance[:, None] * cores.normals, voxel)
-    tilt = np.clip(np.abs(np.einsum("ka,ka->k", one, other)), _LEAST_COSINE, 1.0) ** -2 - 1  # squared tangent
+    """Standard deviations of distances at edges and corners (m,) [m], and squared tangents of the angles between both
+    surfaces (m,). Two surveys see a place differently where their surfaces are not parallel, or planes in neither: a
+    scour in a bed is a plane in one of them."""
+    normal, rough = planes_at(old, cores.points, voxel)
+    normal_after, rough_after = planes_at(new, cores.points + distance[:, None] * cores.normals, voxel)
+    tilt = np.clip(np.abs(np.einsum("ka,ka->k", normal, normal_after)), _LEAST_COSINE, 1.0) ** -2 - 1
     beyond = np.maximum(np.fmin(rough, rough_after) / voxel - _PLANE, 0.0)
     return voxel * (beyond + tilt * (_TILTED + _TILTED_ROUGH * beyond)), tilt
 
 
 def _doubtful(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:
-    """(m,) bool: where surfaces far apart need not be one that changed. The survey that has the one behind has to have
-    looked through the place of the one in front: it did not below a pontoon whose top the other survey saw, nor beside
-    a ghost, nor at the other side of a thin wall. Of a cloud whose sides are not known no wall tells."""
+    """(m,) bool: where two distant surfaces may be different ones instead of one that changed. The survey with the
+    surface behind must have seen the place of the one in front free: not if the other saw the top of a pontoon, a
+    ghost, or the other side of a thin wall. Walls of clouds without viewpoints are doubtful."""
     far = np.abs(distance) > _FAR * voxel
     result = far.copy()
     for chosen, behind in ((far & (distance > 0), old), (far & (distance < 0), new)):
@@ -183,7 +183,7 @@ def _columns(cores: Cores) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _lifted(scans: Any, lever: np.ndarray) -> Any:
-    """(m, 6 n): the shares of n scans (m, n), each times the lever (m, 6) of its row."""
+    """(m, 6 n): the shares (m, n) of n scans, each multiplied by the lever (m, 6) of its row."""
     row = np.repeat(np.arange(scans.shape[0]), np.diff(scans.indptr))
     data = (scans.data[:, None] * lever[row]).ravel()
     indices = (6 * scans.indices[:, None].astype(np.int64) + np.arange(6)).ravel()
@@ -207,7 +207,7 @@ def _common_errors(
 
 
 def _spread(shared: Any, covariance: np.ndarray) -> np.ndarray:
-    """(m,) the variance of each distance by the common errors [m^2]."""
+    """(m,) variances of the distances by the common errors [m^2]."""
     total = np.empty(shared.shape[0])
     for start in range(0, len(total), _CHUNK):
         rows = shared[start : start + _CHUNK]
@@ -215,28 +215,28 @@ def _spread(shared: Any, covariance: np.ndarray) -> np.ndarray:
     return total
 
 
-_HIDDEN = 3**-0.5  # root mean square of a height of which nothing is known but that it is from 0 to 1
-_JOINED = 2.0  # [voxels] between neighbors, and how far around significant ones the volume counts
-# One core point of twenty is significant by chance, and its neighbors share its points. So a region has more than a
-# cylinder holds, and its volume is beyond so many sigmas in a map of so many core points; in a larger one beyond more,
-# as it has more places for chance.
-_FEWEST = 12
+_HIDDEN = 3**-0.5  # root mean square of a height distributed uniformly from 0 to 1
+_JOINED = 2.0  # largest distance between neighbors, and from significant points to the rim of a region [voxels]
+# One core point in twenty is significant by chance, and its neighbors share its points, so a region needs more core
+# points than a cylinder holds, and a volume beyond _SIGMAS in a map of _USUAL_COUNT core points; in a larger map more.
+_FEWEST = 12  # least number of core points of a region
 _SIGMAS = 3.3
 _USUAL_COUNT = 12_000
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
+    """A connected region of k core points with significant distances of one sign, and its rim."""
+
     gained: bool
-    volume: float  # sum of area times distance [m^3], negative where lost; its rim counts, where changes fade out
-    # standard deviation of the volume [m^3]: its own, and what is unseen, as if it changed by the largest distance
-    sigma: float
-    unseen: float  # what of the old surface in it and at its rim cannot be said, and is not in the volume [m^2]
-    area: float  # of the core points whose own distance is significant [m^2]
-    height: float  # mean distance of these along the normal [m], negative where lost
-    members: np.ndarray  # (k,) int64, these, by their number among the core points
-    place: np.ndarray  # (3,) mean of these [m], frame of the old map
-    # (3,) lowest and highest coordinates of these [m]
+    volume: float  # sum of area times distance [m^3], with the rim; negative where lost
+    sigma: float  # standard deviation of the volume [m^3], with changes of unseen areas up to the largest distance
+    unseen: float  # area without verdict in the region and at its rim, not in the volume [m^2]
+    area: float  # of the k core points [m^2]
+    height: float  # mean distance of the k core points along the normal [m], negative where lost
+    members: np.ndarray  # (k,) int64 indices of the core points
+    place: np.ndarray  # (3,) mean of the core points [m], in the frame of the old map
+    # (3,) lowest and highest coordinates of the core points [m]
     low: np.ndarray
     high: np.ndarray
 
@@ -257,8 +257,8 @@ class Region:
 
 
 def regions_of(distances: Distances) -> Sequence[Region]:
-    """The regions that changed, the largest volume first."""
-    found: list[Region] = []
+    """The changed regions, the largest volume first."""
+    regions: list[Region] = []
     every = distances.cores.points[distances.compared]
     distance = distances.distance[distances.compared]
     verdict = distances.verdict[distances.compared]
@@ -272,7 +272,7 @@ def regions_of(distances: Distances) -> Sequence[Region]:
     if clusters:
         seeds = np.concatenate(clusters)
         near, which = KDTree(every[seeds]).query(every, distance_upper_bound=_JOINED * distances.voxel)
-        # others say nothing of a volume
+        # the volume is summed over core points with a verdict and a well-defined shape
         within = np.isfinite(near) & (verdict != Verdict.UNSURE) & (distances.shape <= distances.voxel)
         owner[within] = np.repeat(np.arange(len(clusters)), [len(cluster) for cluster in clusters])[
             np.asarray(which)[within]
@@ -284,27 +284,27 @@ def regions_of(distances: Distances) -> Sequence[Region]:
         gained = bool(verdict[cluster[0]] == Verdict.GAINED)
         if abs(volume) <= least * sigma or (volume > 0) != gained:
             continue
-        points, own = every[cluster], area[cluster]
+        points, areas = every[cluster], area[cluster]
         unseen = _unseen(distances, distances.compared[cluster])
-        found.append(
+        regions.append(
             Region(
                 gained=gained,
                 volume=volume,
                 sigma=float(np.hypot(sigma, _HIDDEN * unseen * np.abs(distance[cluster]).max())),
                 unseen=unseen,
-                area=float(own.sum()),
-                height=float(own @ distance[cluster] / own.sum()),
+                area=float(areas.sum()),
+                height=float(areas @ distance[cluster] / areas.sum()),
                 members=distances.compared[cluster],
                 place=points.mean(axis=0),
                 low=points.min(axis=0),
                 high=points.max(axis=0),
             )
         )
-    return sorted(found, key=lambda region: -abs(region.volume))
+    return sorted(regions, key=lambda region: -abs(region.volume))
 
 
 def _unseen(distances: Distances, members: np.ndarray) -> float:
-    """The area [m^2], seen along their normal, among and around core points (k,) of which nothing can be said."""
+    """Area without verdict among and around the core points `members` (k,) [m^2], projected along their normal."""
     cores = distances.cores
     unknown = cores.take(np.isin(distances.verdict, (Verdict.OLD_ONLY, Verdict.NEW_ONLY, Verdict.UNSURE)))
     around = max(_JOINED * distances.voxel, float(np.sqrt(cores.area[members].sum() / np.pi)))
@@ -314,10 +314,10 @@ def _unseen(distances: Distances, members: np.ndarray) -> float:
 
 
 def _clusters(points: np.ndarray, chosen: np.ndarray, voxel: float) -> list[np.ndarray]:
-    """The chosen points (m,) bool in groups of neighbors that are large enough, each by their numbers."""
+    """Connected groups of at least _FEWEST of the `chosen` points (m,) bool, as indices."""
     numbers = np.flatnonzero(chosen)
     pairs = KDTree(points[numbers]).query_pairs(_JOINED * voxel, output_type="ndarray")
     linked = sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(len(numbers), len(numbers)))
     group = connected_components(linked, directed=False)[1]
     large = np.flatnonzero(np.bincount(group, minlength=1) >= _FEWEST)
-    return [numbers[group == each] for each in large.tolist()]
+    return [numbers[group == label] for label in large.tolist()]

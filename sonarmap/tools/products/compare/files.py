@@ -1,5 +1,4 @@
-"""The files of a comparison, all or none: what changed as JSON, table and picture, and what is known of every core
-point."""
+"""The files of a comparison, all or none: changed regions as JSON, table and picture, and every core point."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -24,15 +23,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _BESIDE, _HEIGHTS, _DPI = 7.6, (2.4, 1.6), (3.0, 10.0), 140  # of the axes, and of what is beside them [in]
+_WIDTH, _BESIDE, _HEIGHTS, _DPI = 7.6, (2.4, 1.6), (3.0, 10.0), 140  # width, margins, range of heights of the axes [in]
 _TEXT, _LINE_LENGTH = 9.0, 110  # [pt]; characters of a line below the title
 _COLORS, _UNKNOWN, _INK = "RdBu", "#B8B8B8", "#000000"
-_LARGEST = 0.98  # quantile of significant distances at which colors end
-_LISTED = 12  # regions that are labeled; all are outlined
+_LARGEST = 0.98  # quantile of significant distances at the ends of the color scale
+_LISTED = 12  # largest number of regions labeled with their volume
 PREFIX = "changes"  # of the files' names
 _COLUMNS = ("number", "kind", "area_m2", "height_m", "volume_m3", "volume_sigma_m3", "core_points", "x_m", "y_m", "z_m")
 _WORLD = ("easting_m", "northing_m")
-_DIMENSIONS = {  # of LAZ: type, and what it is in at most 31 letters
+_DIMENSIONS = {  # extra dimensions of LAZ: type, and description of at most 31 letters
     "distance": ("f4", "along the normal [m], gained +"),
     "level": ("f4", "level of detection at 95 % [m]"),
     "verdict": ("u1", "0 unchanged 1 gained 2 lost ..."),
@@ -41,7 +40,7 @@ _DIMENSIONS = {  # of LAZ: type, and what it is in at most 31 letters
 
 
 def changes_figure(comparison: Comparison) -> "Figure":
-    """The figure: x and y of the old map's frame, to one scale."""
+    """Map of the distances, in x and y of the old map's frame, with the changed regions."""
     from matplotlib.figure import Figure
 
     distances, points = comparison.distances, comparison.distances.cores.points
@@ -55,7 +54,7 @@ def changes_figure(comparison: Comparison) -> "Figure":
     known, most = _colored(distances)
     unknown = points[~known]
     axes.scatter(
-        unknown[:, 0], unknown[:, 1], size, _UNKNOWN, edgecolor="none", rasterized=True, label="cannot be said"
+        unknown[:, 0], unknown[:, 1], size, _UNKNOWN, edgecolor="none", rasterized=True, label="unsure or unseen"
     )
     order = np.flatnonzero(known)[np.argsort(points[known, 2], kind="stable")]
     x, y = points[order, :2].T
@@ -74,8 +73,7 @@ def changes_figure(comparison: Comparison) -> "Figure":
 
 
 def _colored(distances: Distances) -> tuple[np.ndarray, float]:
-    """Which core points have a color, (K,) bool, as something can be said of them; and the distance at which colors end
-    [m]."""
+    """Which core points are decided and have a color, (K,) bool; and the largest distance of the color scale [m]."""
     known = np.isfinite(distances.distance) & (distances.verdict != Verdict.UNSURE)
     beyond = np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))
     shown = np.abs(distances.distance[beyond if beyond.any() else known])
@@ -83,7 +81,7 @@ def _colored(distances: Distances) -> tuple[np.ndarray, float]:
 
 
 def _outline(axes: "Axes", comparison: Comparison) -> None:
-    """A frame around each region, with its number and, for the largest, its volume."""
+    """Draw a frame around each region, with its number and, for the largest, its volume."""
     from matplotlib.patches import Rectangle
 
     margin = comparison.distances.voxel
@@ -95,7 +93,7 @@ def _outline(axes: "Axes", comparison: Comparison) -> None:
 
 
 def check_folder(out: Path, *maps: Path) -> None:
-    """Refuse the folder of a map, whose files `map` writes, and one that cannot be written."""
+    """Refuse a map's folder, whose files `map` writes, and a folder that cannot be written."""
     for folder in maps:
         if out.resolve() == folder.resolve():
             raise InputError(f"-o {out} is a map's folder, whose files `map` writes; choose another folder")
@@ -105,7 +103,7 @@ def check_folder(out: Path, *maps: Path) -> None:
 def write_comparison(
     out: Path, comparison: Comparison, place: tuple[Georeference, Projection] | None
 ) -> Sequence[Path]:
-    """Write a comparison into a folder, where the old map lies at `place`, and return the files."""
+    """Write a comparison into a folder and return the files; `place` is that of the old map on the Earth."""
     distances, regions = comparison.distances, comparison.regions
     columns = _columns(distances, regions)
     with locked(out, writing=True), all_or_none() as written:
@@ -122,7 +120,7 @@ def write_comparison(
 
 
 def _columns(distances: Distances, regions: Sequence[Region]) -> dict[str, np.ndarray]:
-    """What is said of each core point, {name: (K,)}."""
+    """Columns of the core points, {name: (K,)}."""
     region = np.zeros(len(distances.verdict), np.uint16)
     for number, each in enumerate(regions, 1):
         region[each.members] = number
@@ -140,21 +138,21 @@ def _projected(points: np.ndarray, georeference: Georeference, projection: Proje
 
 
 def _write_regions(path: Path, regions: Sequence[Region], place: tuple[Georeference, Projection] | None) -> None:
-    """A row for each region, lengths to 1 mm."""
+    """Write one row per region, lengths to 1 mm."""
     rows: list[list[object]] = []
     for number, region in enumerate(regions, 1):
-        says = region.as_json
-        numbers = [*(says[name] for name in _COLUMNS[2:6])]
+        fields = region.as_json
+        numbers = [*(fields[name] for name in _COLUMNS[2:6])]
         where = region.place.tolist()
         if place is not None:
             where += _projected(region.place[None], *place)[0, :2].tolist()
         texts = [f"{value:z.3f}" for value in numbers], [f"{value:z.3f}" for value in where]
-        rows.append([number, says["kind"], *texts[0], len(region.members), *texts[1]])
+        rows.append([number, fields["kind"], *texts[0], len(region.members), *texts[1]])
     write_table(path, (*_COLUMNS, *(_WORLD if place else ())), rows)
 
 
 def _write_laz(path: Path, world: np.ndarray, columns: Mapping[str, np.ndarray], projection: Projection) -> None:
-    """Every core point of LAS 1.4, to the millimeter, with what is said of it."""
+    """Write every core point as LAS 1.4, to the millimeter, with its distance, level, verdict and region."""
     import laspy
 
     header = las_header(projection, world.min(axis=0), _DIMENSIONS, timed=False)
@@ -168,8 +166,8 @@ def _write_laz(path: Path, world: np.ndarray, columns: Mapping[str, np.ndarray],
 
 
 def _write_geotiff(path: Path, world: np.ndarray, distances: Distances, projection: Projection) -> None:
-    """Distance (band 1), its significance, the distance over its standard deviation (2), and what can be said (3), of
-    the uppermost core point in each cell of one voxel; north up."""
+    """Write distance (band 1), distance over its standard deviation (2) and verdict (3) of the uppermost core point in
+    each cell of one voxel; north up."""
     import rasterio
 
     cell = distances.voxel
@@ -179,9 +177,9 @@ def _write_geotiff(path: Path, world: np.ndarray, distances: Distances, projecti
     rows, columns = int(row.max()) + 1, int(column.max()) + 1
     check_size(rows, columns, cell)
     values = np.full((3, rows, columns), NODATA, np.float32)
-    order = np.argsort(world[:, 2], kind="stable")  # of several in a cell the last is written, the highest
-    said = np.stack([distances.distance, distances.distance / distances.sigma, distances.verdict.astype(np.float64)])
-    values[:, row[order], column[order]] = np.nan_to_num(said[:, order], nan=NODATA)
+    order = np.argsort(world[:, 2], kind="stable")  # the last of a cell's points is written, the highest
+    bands = np.stack([distances.distance, distances.distance / distances.sigma, distances.verdict.astype(np.float64)])
+    values[:, row[order], column[order]] = np.nan_to_num(bands[:, order], nan=NODATA)
     profile: dict[str, Any] = {"driver": "GTiff", "dtype": "float32", "count": 3, "nodata": NODATA}
     profile |= {"compress": "deflate", "predictor": 3, "tiled": True, "bigtiff": "if_safer"}
     profile |= {"crs": rasterio.CRS.from_wkt(projection.crs.to_wkt()), "height": rows, "width": columns}

@@ -1,10 +1,10 @@
-"""One survey of the two that are compared, what its errors share, and surfaces along normals.
+"""One of two compared surveys with the joint covariance of its poses, and its surface at core points.
 
-Surfaces are after M3C2 (Lague, Brodu and Leroux, DOI 10.1016/j.isprsjprs.2013.04.009): around each core point a
-cylinder along the local normal, in it the mean of each cloud. Two things differ. A point weighs as much as the echoes
-that it is the mean of: noise spreads a map's surface over several voxels, and its thin outer layers hold few. And of
-several layers in a cylinder, a gate's two sides or a bed below a deck, the one of most points counts alone. Beside
-means it is kept of which scans the points are, as the points of a scan err together.
+Surfaces follow M3C2 (Lague, Brodu and Leroux, DOI 10.1016/j.isprsjprs.2013.04.009): the mean of the points in a
+cylinder along the local normal of each core point. There are two differences. Points are weighted by their numbers of
+echoes, because noise spreads a map's surface over several voxels with few echoes in the outer ones. And of several
+layers in a cylinder, such as a gate's two sides or a bed below a deck, only the one with most points counts. The share
+of each scan in a mean is kept, because the points of a scan have a common error.
 """
 
 from collections.abc import Iterator
@@ -24,36 +24,36 @@ from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.readers.trajectory import read_graph_json
 
 _LEAST_NOISE = 1e-3  # [m]
-_PASSING = 2  # sight lines that say that a place is free: a single one may end at a stray echo
-_MOST = 300  # poses with errors of their own; in a longer survey this number of poses represent their neighbors
-NORMAL_RADIUS, RADIUS = 2.5, 1.5  # of normals and of cylinders [voxels]
-FEWEST = 4  # points of a cloud in a cylinder
-_HALF = 1.5  # how far points of a layer are from its middle [voxels]
-_GAP = 1.0  # between two layers [voxels]
-_CHUNK = 20_000  # core points at a time
+_PASSING = 2  # least number of sight lines through a free place: a single one may end at a stray echo
+_MOST = 300  # largest number of poses with errors; in a longer survey they represent their neighbors
+NORMAL_RADIUS, RADIUS = 2.5, 1.5  # of the neighborhood of normals, and of cylinders [voxels]
+FEWEST = 4  # least number of points in a cylinder
+_HALF = 1.5  # half thickness of a layer [voxels]
+_GAP = 1.0  # least gap between two layers [voxels]
+_CHUNK = 20_000  # core points that are treated at a time
 
 
 @dataclass(frozen=True, slots=True)
 class Epoch:
-    """A survey of M points, and n of its poses, each of which stands for those about it."""
+    """A survey of M points, and n of its poses, each of which represents its neighbors."""
 
     points: np.ndarray  # (M, 3) float64 [m]
-    noise: np.ndarray  # (M,) float64 standard deviation of a coordinate [m], without what the poses do
-    weight: np.ndarray  # (M,) float64, how many echoes each is the mean of
-    scan: np.ndarray  # (M,) int64, 0..n-1, the pose that stands for the one that each is mostly of
-    origins: np.ndarray  # (M, 3) float64 [m], where each was seen from
-    # (6 n, 6 n) of the poses' errors, rotation first [rad, m], left tangents: a point p errs by w x p + v
+    noise: np.ndarray  # (M,) float64 standard deviation of a coordinate [m], without the errors of the poses
+    weight: np.ndarray  # (M,) float64, number of echoes whose mean the point is
+    scan: np.ndarray  # (M,) int64, 0..n-1, index of the pose that represents the point's main scan
+    origins: np.ndarray  # (M, 3) float64 [m], positions of the sensor that saw the points
+    # (6 n, 6 n) of the poses' errors, rotation first [rad, m], left tangents: (w, v) moves a point p by w x p + v
     covariance: np.ndarray
-    sides_known: bool = True  # whether origins are known, and not those of points near by
+    sides_known: bool = True  # whether the origins are known; else they are those of nearby points
 
     @property
     def poses(self) -> int:
-        """How many there are."""
+        """Number of poses, n."""
         return len(self.covariance) // 6
 
     @classmethod
     def of_map(cls, folder: Map, survey: int | None = None) -> "Epoch":
-        """The largest part of a finished map, or what one of its surveys saw of that, in its own frame."""
+        """The largest part of a finished map, or the points that one of its surveys saw of it, in its frame."""
         part = folder.parts[0]
         points, columns = part.points, part.columns
         if survey is not None:
@@ -71,26 +71,26 @@ class Epoch:
 
     @classmethod
     def of_cloud(cls, points: np.ndarray, weight: np.ndarray, sigma: float | None, beside: "Epoch") -> "Epoch":
-        """A cloud of which no pose is known, so that none is taken to err, and that is seen from where the nearest
-        points of the survey beside it are, in whose frame it is; `sigma` is of one of its points [m]."""
+        """A cloud without poses and hence without their errors, in the frame of the survey `beside`. It takes the
+        origins of that survey's nearest points; `sigma` is that of a single point [m]."""
         noise = np.maximum((sigma or 0.0) / np.sqrt(weight), _LEAST_NOISE)
         near = KDTree(beside.points).query(points)[1]
         scan, exact = np.zeros(len(points), np.int64), np.zeros((6, 6))
         return cls(points, noise, weight, scan, beside.origins[near], exact, sides_known=False)
 
     def passes(self, places: np.ndarray, voxel: float) -> np.ndarray:
-        """(n,) bool: which places (n, 3) [m] the survey saw free: it has no point within a voxel, and sight lines to
-        points behind go through there."""
+        """(n,) bool: which places (n, 3) [m] the survey saw free, with no point within a voxel and sight lines through
+        them to points behind."""
         free = ~np.isfinite(KDTree(self.points).query(places, distance_upper_bound=voxel)[0])
         viewpoints, which = np.unique(self.origins, axis=0, return_inverse=True)
         passing = np.zeros(len(places), np.int64)
         for number, viewpoint in enumerate(viewpoints):
             toward, offset = places - viewpoint, self.points[which.ravel() == number] - viewpoint
-            away, ranges = np.linalg.norm(toward, axis=1), np.linalg.norm(offset, axis=1)
+            distance, ranges = np.linalg.norm(toward, axis=1), np.linalg.norm(offset, axis=1)
             lines = KDTree(offset / ranges[:, None])
-            for at in np.flatnonzero(free & (away > voxel) & (away + voxel < ranges.max())).tolist():
-                near = lines.query_ball_point(toward[at] / away[at], voxel / away[at])
-                passing[at] += np.count_nonzero(ranges[near] > away[at] + voxel)
+            for at in np.flatnonzero(free & (distance > voxel) & (distance + voxel < ranges.max())).tolist():
+                near = lines.query_ball_point(toward[at] / distance[at], voxel / distance[at])
+                passing[at] += np.count_nonzero(ranges[near] > distance[at] + voxel)
         return passing >= _PASSING
 
     def moved(self, T_other_this: RigidTransform) -> "Epoch":
@@ -104,56 +104,56 @@ class Epoch:
 
 
 def levers(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(K, 6) how an error (w, v) of a left tangent moves points (K, 3) along normals (K, 3): w . (p x n) + v . n."""
+    """(K, 6) motion of points (K, 3) along normals (K, 3) by an error (w, v), left tangent: w . (p x n) + v . n."""
     return np.hstack([np.cross(points, normals), normals])
 
 
 def _pose_variance(points: np.ndarray, scan: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """(M,) mean variance of the three coordinates [m^2] that the poses' (n, 6, 6) left tangents give points (M, 3)."""
+    """(M,) mean variance of the coordinates of points (M, 3) [m^2] by covariances (n, 6, 6) of poses, left tangents."""
     total = np.zeros(len(points))
     for axis in np.eye(3):
         J = levers(points, np.broadcast_to(axis, points.shape))
         for pose in range(len(covariances)):
-            own = scan == pose
-            total[own] += np.einsum("ka,ab,kb->k", J[own], covariances[pose], J[own])
+            members = scan == pose
+            total[members] += np.einsum("ka,ab,kb->k", J[members], covariances[pose], J[members])
     return np.maximum(total, 0.0) / 3
 
 
 @dataclass(frozen=True, slots=True)
 class Cores:
     points: np.ndarray  # (K, 3) float64 [m]
-    normals: np.ndarray  # (K, 3) unit, toward where it was seen from
-    area: np.ndarray  # (K,) float64 [m^2] that each stands for
+    normals: np.ndarray  # (K, 3) unit, toward the sensor
+    area: np.ndarray  # (K,) float64, area that each core point represents [m^2]
 
     def take(self, chosen: np.ndarray) -> "Cores":
-        """These alone, an index or (K,) bool."""
+        """The chosen core points, by indices or (K,) bool."""
         return Cores(self.points[chosen], self.normals[chosen], self.area[chosen])
 
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """What a cloud has in the cylinders of K core points; NaN where fewer than FEWEST points."""
+    """Means of a cloud in the cylinders of K core points; NaN where there are fewer than FEWEST points."""
 
     height: np.ndarray  # (K,) float64 weighted mean along the normal, from the core point [m]
-    variance: np.ndarray  # (K,) float64 of that by noise and roughness [m^2], without the poses' part
-    count: np.ndarray  # (K,) int64, number of points, also where they are too few
-    shares: Any  # sparse (K, n) of the weight that each scan has
+    variance: np.ndarray  # (K,) float64 of the height by noise and roughness [m^2], without the errors of poses
+    count: np.ndarray  # (K,) int64, number of points, also where there are too few
+    shares: Any  # sparse (K, n) share of each pose in the weight
 
 
 def cores_of(epoch: Epoch, voxel: float) -> Cores:
-    """The surface of a cloud, a core point for each voxel of it."""
+    """Core points of a cloud, one for each voxel of its surface."""
     points = epoch.points
     normals, _ = planes_at(epoch, points, voxel)
-    away = np.einsum("ka,ka->k", normals, epoch.origins - points) < 0
-    normals[away] *= -1
+    flipped = np.einsum("ka,ka->k", normals, epoch.origins - points) < 0
+    normals[flipped] *= -1
     height = layer_of(epoch, Cores(points, normals, np.ones(len(points))), voxel, 0.0).height
     usable = np.isfinite(height)
     return _thinned(points[usable] + height[usable, None] * normals[usable], normals[usable], voxel)
 
 
 def planes_at(epoch: Epoch, places: np.ndarray, voxel: float) -> tuple[np.ndarray, np.ndarray]:
-    """The plane through a cloud about each place (K, 3) [m]: (K, 3) unit normals of either sign, and (K,) how far the
-    points are from it [m], root mean square; NaN where there are none."""
+    """Planes fitted to a cloud around each place (K, 3) [m]: unit normals (K, 3) of either sign, and RMS distances of
+    the points (K,) [m]; NaN where there are none."""
     normals, rough = np.empty_like(places), np.empty(len(places))
     for chunk, core, near in _neighbors(epoch.points, places, NORMAL_RADIUS * voxel):
         weight, size = epoch.weight[near], chunk.stop - chunk.start
@@ -169,8 +169,8 @@ def planes_at(epoch: Epoch, places: np.ndarray, voxel: float) -> tuple[np.ndarra
 
 
 def _thinned(points: np.ndarray, normals: np.ndarray, voxel: float) -> Cores:
-    """One of the points (N, 3) on a surface in each column of one voxel by one, along the axis that its normal is
-    nearest to, and again wherever the column meets another surface."""
+    """Core points thinned from surface points (N, 3): one per surface in each column of one voxel by one, along the
+    axis nearest to the normal."""
     axis = np.abs(normals).argmax(axis=1)
     row = np.arange(len(points))
     cell = np.floor(points / voxel).astype(np.int64)
@@ -187,8 +187,8 @@ def _thinned(points: np.ndarray, normals: np.ndarray, voxel: float) -> Cores:
 
 
 def layer_of(epoch: Epoch, cores: Cores, voxel: float, reach: float) -> Layer:
-    """The layer of a cloud in each cylinder, sought up to `reach` [m] to either side along the normal, of points that
-    were seen from the side to which the normal points."""
+    """Layer of a cloud in each cylinder, up to `reach` [m] to either side along the normal, from points that were seen
+    from the normal's side."""
     radius, half = RADIUS * voxel, _HALF * voxel
     size, scans = len(cores.points), epoch.poses
     height, variance, count = np.full(size, np.nan), np.full(size, np.nan), np.zeros(size, np.int64)
@@ -211,11 +211,11 @@ def layer_of(epoch: Epoch, cores: Cores, voxel: float, reach: float) -> Layer:
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.bincount(core, weight * along, length) / total
             scatter = np.bincount(core, weight * (along - mean[core]) ** 2, length) / total
-            own = np.bincount(core, (weight * epoch.noise[near]) ** 2, length) / total**2
+            noise = np.bincount(core, (weight * epoch.noise[near]) ** 2, length) / total**2
             rough = scatter * np.bincount(core, weight**2, length) / total**2
         count[chunk] = number
         height[chunk] = np.where(enough, mean, np.nan)
-        variance[chunk] = np.where(enough, np.maximum(own, rough * number / np.maximum(number - 1, 1)), np.nan)
+        variance[chunk] = np.where(enough, np.maximum(noise, rough * number / np.maximum(number - 1, 1)), np.nan)
         share = weight / total[core]
         shares.append(sparse.coo_array((share, (core, epoch.scan[near])), shape=(length, scans)).tocsr())
     stacked = sparse.vstack(shares, format="csr") if shares else sparse.csr_array((0, scans))
@@ -223,7 +223,7 @@ def layer_of(epoch: Epoch, cores: Cores, voxel: float, reach: float) -> Layer:
 
 
 def faced(cores: Cores, others: Cores, voxel: float, reach: float) -> np.ndarray:
-    """(K,) bool: which core points have one of the others before or behind them along the normal, up to `reach` [m]."""
+    """(K,) bool: which core points have one of `others` before or behind them along the normal, up to `reach` [m]."""
     found = np.zeros(len(cores.points), bool)
     for chunk, core, near in _neighbors(others.points, cores.points, float(np.hypot(voxel, reach))):
         offset = others.points[near] - cores.points[chunk][core]
@@ -234,15 +234,15 @@ def faced(cores: Cores, others: Cores, voxel: float, reach: float) -> np.ndarray
 
 
 def _largest_layer(core: np.ndarray, along: np.ndarray, weight: np.ndarray, size: int, voxel: float) -> np.ndarray:
-    """(size,) the middle along the normal of the layer with most points about each core point, the nearest of equals,
-    of those that gaps separate and that have points enough; NaN where there is none."""
+    """(size,) middle along the normal of the layer with most points around each core point, of equal ones the nearest.
+    Gaps separate layers; NaN where none has FEWEST points."""
     order = np.lexsort((along, core))
     core, along, weight = core[order], along[order], weight[order]
     new = np.ones(len(core), bool)
     new[1:] = (np.diff(core) > 0) | (np.diff(along) > _GAP * voxel)
     layer = np.cumsum(new) - 1
     owner, number = core[new], np.bincount(layer)
-    # of a layer that passes through the core point what is near that counts, as in the survey that has it there
+    # of a layer through the core point only nearby points count, as in the survey that the core point is from
     near = np.abs(along) <= _HALF * voxel
     weight = np.where(near | ~(np.bincount(layer, near) > 0)[layer], weight, 0.0)
     middle = np.bincount(layer, weight * along) / np.maximum(np.bincount(layer, weight), 1e-300)
@@ -255,8 +255,8 @@ def _largest_layer(core: np.ndarray, along: np.ndarray, weight: np.ndarray, size
 
 
 def _neighbors(cloud: np.ndarray, cores: np.ndarray, radius: float) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Pairs of core points and points of the cloud within a radius [m]: of each slice of the core points, which of them
-    and which point."""
+    """Pairs of core points and points of the cloud within a radius [m]: a slice of the core points, indices into the
+    slice, and indices of points."""
     tree = KDTree(cloud)
     for start in range(0, len(cores), _CHUNK):
         chunk = slice(start, min(start + _CHUNK, len(cores)))

@@ -143,7 +143,7 @@ def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None
     given = ("compare", maps["old"], maps["other"], "-o", tmp_path / "x", *GRID)
     result = sonarmap(*given)
     assert result.exit_code == 3
-    said(result, "cannot be brought onto")
+    said(result, "cannot be aligned with")
     assert not files_in(tmp_path / "x")
     assert printed(sonarmap(*given, "--json"), exit_code=3)["aligned"] is False
 

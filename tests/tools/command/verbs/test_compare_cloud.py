@@ -43,7 +43,7 @@ def test_what_cannot_be_compared(placed: tuple[Path, Path], tmp_path: Path) -> N
     (tmp_path / "notes.doc").write_bytes(b"x")
     for given, words in (
         ((cloud, cloud), "both are point clouds"),
-        ((folder, tmp_path / "mm.ply"), "are these millimeters"),
+        ((folder, tmp_path / "mm.ply"), "m; wanted meters"),
         ((folder, tmp_path / "missing.ply"), "cannot read"),
         ((folder, tmp_path / "notes.doc"), "nor a file of points"),
         ((folder, folder, "--cloud-sigma", "0.1"), "--cloud-sigma has no effect without"),
