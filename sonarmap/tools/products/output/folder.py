@@ -302,7 +302,7 @@ CONVENTIONS = {
     "crossings": "scans where the track crosses itself: their distance before and after the loops, median and 90th "
     "percentile [m]",
     "control_points": "points that the map is fitted to, in their pose's sensor frame, and known East, North, Up [m]",
-    "straightened_by": "trajectory by which scans whose points have times were straightened: that of an earlier map",
+    "straightened_by": "trajectory by which scans whose points have times were straightened, from the map before that",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 
