@@ -309,7 +309,8 @@ def _read_survey(
     path: str, odometry: "Odometry | None"
 ) -> "tuple[Sequence[Scan], Odometry | None, TurnRates | None, Sequence[int] | None]":
     """The scans of files, their dead reckoning and turn rates, and, for pings, the number of each scan's line."""
-    from sonarmap.tools.files.readers.pings.patches import as_survey
+    from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
+    from sonarmap.tools.files.readers.pings.line_file import as_survey
     from sonarmap.tools.files.readers.scans import read_scans as read
 
     files = read([path])

@@ -11,6 +11,8 @@ from sonarmap.slam.graph.gauge import Gauge
 from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.tangent import lengths
 
+_LEAST_RATIO = 1e-22  # of variances of one edge: sigmas farther apart than 1e11 are not told apart
+
 
 def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None) -> list[gtsam.NonlinearFactor]:
     """One GTSAM factor per edge, in their order; poses are keys 0..N-1.
@@ -58,6 +60,7 @@ def _information_roots(covariances: np.ndarray) -> np.ndarray:
     They follow from the covariances' eigenvalues: inverting would round away how unconstrained a direction is.
     """
     values, axes = np.linalg.eigh(covariances)
+    values = np.maximum(values, _LEAST_RATIO * values[:, -1:])  # rounding may leave less than 0
     # pyrefly: ignore[bad-assignment]
     roots: np.ndarray = np.linalg.qr(axes.swapaxes(1, 2) / np.sqrt(values)[:, :, None], mode="r")
     return roots * np.sign(np.diagonal(roots, axis1=1, axis2=2))[:, :, None]
