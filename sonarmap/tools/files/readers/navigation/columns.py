@@ -1,4 +1,4 @@
-"""The columns of a file of navigation: which is what, and what is refused because it may be two things."""
+"""Recognize the columns of a navigation file, and refuse ambiguous ones."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
 PLACES = (("lat_deg", "lon_deg"), ("easting_m", "northing_m"), ("x_m", "y_m"))
 MEASURED = tuple(name for name in QUANTITIES if name not in ("name", "stamp", "date", "gps_week", *SIGMA_COLUMNS))
-_ALIKE = 0.85  # as rol_deg and roll_deg
+_MISSPELLED = 0.85  # similarity of rol_deg and roll_deg
 
 
 @dataclass(frozen=True, slots=True)
 class Columns:
     of: Mapping[str, Column]  # {quantity: its column}
-    is_own: bool  # whether it is a file of this program's own kind, in which nothing may be unknown
-    notes: tuple[str, ...]  # what is not used, in words
-    usual: Mapping[str, float]  # {column of COLUMNS: standard deviation} where the instrument alone tells it
+    is_own: bool  # whether the file uses this program's own names, so that an unknown column is refused
+    notes: tuple[str, ...]  # for the user: unused columns, assumptions
+    usual: Mapping[str, float]  # {column of COLUMNS: usual standard deviation of the instrument that its heading names}
 
     @property
     def key(self) -> str:
-        """What says which scan a row is for: "name" or "stamp"."""
+        """The quantity that tells which scan a row is for: "name" or "stamp"."""
         return "name" if "name" in self.of else "stamp"
 
     def heading(self, quantity: str) -> str:
@@ -42,10 +42,10 @@ class Columns:
 
 
 def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapping[str, float] | None) -> Columns:
-    """The columns of a file by its headings. A file is of this program's own kind if all columns that say something
-    have exactly its names (`stamp`, `depth_m`, ...) and none is mapped by the user: then any other column is taken for
-    a misspelled one and refused. In a log other columns are left out, but for those nearly spelled as an own one.
-    `sigmas` are {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed."""
+    """The columns of a file, from its headings. A file is an own one if all recognized columns have exactly this
+    program's names (`stamp`, `depth_m`, ...) and the user maps none: then any other column is refused as misspelled.
+    In a log, unknown columns are left out, unless their heading is nearly one of the own names.
+    `sigmas`: {column of COLUMNS: standard deviation} for columns without one in the file; None if none is needed."""
     notes: list[str] = []
     mapped = _mapped(header, settings, notes)
     taken = {column.index for column in mapped.values()}
@@ -73,17 +73,17 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
 
 
 def _mapped(header: Sequence[str], settings: NavigationSettings, notes: list[str]) -> dict[str, Column]:
-    """What --nav-columns says."""
+    """The columns that --nav-columns maps."""
     of: dict[str, Column] = {}
     for quantity, heading in settings.columns.items():
         exact = [k for k, each in enumerate(header) if each == heading]
         places = exact or [k for k, each in enumerate(header) if each.casefold() == heading.casefold()]
         if not places and settings.are_shared:
-            notes.append(f"it has no column {heading!r}, of which --nav-columns says that it is {quantity}")
+            notes.append(f"it has no column {heading!r}, which --nav-columns maps to {quantity}")
             continue
         if len(places) != 1:
             raise InputError(
-                f"--nav-columns: {len(places)} columns are called {heading!r}; there are "
+                f"--nav-columns: {len(places)} columns are called {heading!r}; wanted one of "
                 f"{', '.join(repr(each) for each in header)}"
             )
         says = column_of(places[0], header[places[0]])
@@ -102,16 +102,16 @@ def _refuse_misspelled(header: Sequence[str], known: list[Column], mapped: Mappi
     if is_own and unknown:
         raise InputError(
             f"unknown column {some(unknown)}; known are {', '.join(OWN)} and how logs call these (Depth, Heading, "
-            "Latitude, ...); of a log with other columns say which are meant, as in --nav-columns depth_m=KP_DEPTH"
+            "Latitude, ...); for a log with other columns map them, as in --nav-columns depth_m=KP_DEPTH"
         )
     there = {column.heading for column in known}
     for heading in dict.fromkeys(unknown):
         if not heading.endswith(("_deg", "_m")) or column_of(0, heading):
             continue
-        nearest = get_close_matches(heading, OWN, 1, _ALIKE)
+        nearest = get_close_matches(heading, OWN, 1, _MISSPELLED)
         if nearest and nearest[0] not in there:
             raise InputError(
-                f"the column {heading!r} is nearly called {nearest[0]}; correct it, or give it another name"
+                f"the column {heading!r} looks like a misspelled {nearest[0]}; correct it, or give it another name"
             )
 
 
@@ -135,8 +135,8 @@ def _choose_heading(of: dict[str, Column], settings: NavigationSettings, notes: 
     if "magnetic_deg" in of and "heading_deg" not in of:
         if settings.declination is None:
             raise InputError(
-                f"the column {of['magnetic_deg'].heading!r} holds magnetic headings; give the declination there and "
-                "then, --magnetic-declination DEG (East positive)"
+                f"the column {of['magnetic_deg'].heading!r} holds magnetic headings; give the declination of the "
+                "place and date, --magnetic-declination DEG (East positive)"
             )
         of["heading_deg"] = of["magnetic_deg"]
     elif "yaw_deg" in of and "heading_deg" not in of:
@@ -167,7 +167,7 @@ def _choose_depth(of: dict[str, Column], settings: NavigationSettings) -> None:
 def _choose_place(
     of: dict[str, Column], settings: NavigationSettings, mapped: Mapping[str, Column], notes: list[str]
 ) -> None:
-    """Keep one of latitude and longitude, easting and northing, x and y."""
+    """Keep one pair of latitude and longitude, easting and northing, or x and y."""
     for first, second in PLACES[:2]:
         if (first in of) != (second in of):
             there, missing = (first, second) if first in of else (second, first)
@@ -208,14 +208,14 @@ def _check_keys(of: dict[str, Column], is_own: bool, header: Sequence[str]) -> N
     if sum(key in of for key in KEYS) != 1:
         both = f" ({of['name'].heading!r} and {of['stamp'].heading!r} may both be it)" if "name" in of else ""
         raise InputError(
-            f"wanted either a column name or a column stamp, which says which scan a row is for{both}; there "
-            f"are {', '.join(map(repr, header))}; known are Scan, Time, Zeit, Heure and others, or say which it is, as "
+            f"wanted either a column name or a column stamp, which tells the scan of a row{both}; there "
+            f"are {', '.join(map(repr, header))}; known are Scan, Time, Zeit, Heure and others, or map it, as "
             "in --nav-columns stamp=T"
         )
 
 
 def _check_measured(of: Mapping[str, Column], known: Collection[str] | None, is_own: bool) -> None:
-    """`known`: the columns of COLUMNS that need no standard deviation in the file; None where none is needed."""
+    """Refuse missing measurements and sigmas; those of COLUMNS in `known` need no sigma; with None, none does."""
     if not any(name in of for name in MEASURED):
         raise InputError(
             f"there is no column of measurements; wanted one or more of {', '.join(COLUMNS)}, or latitude and longitude"
@@ -235,13 +235,13 @@ def _check_measured(of: Mapping[str, Column], known: Collection[str] | None, is_
 
 
 def _usual(of: Mapping[str, Column], sigmas: Mapping[str, float]) -> dict[str, Usual]:
-    """By columns of COLUMNS without a standard deviation whose headings name an instrument, what that errs by."""
-    found: dict[str, Usual] = {}
+    """Usual standard deviations by COLUMNS, for those without one whose headings name an instrument."""
+    usual: dict[str, Usual] = {}
     for column, sigma, names in zip(COLUMNS, SIGMA_COLUMNS, SOURCES, strict=True):
         words = [word for name in names if name in of for word in of[name].words]
         if sigma not in of and column not in sigmas and (named := usual_of(column, words)) is not None:
-            found[column] = named
-    return found
+            usual[column] = named
+    return usual
 
 
 def some(names: Sequence[str]) -> str:

@@ -1,9 +1,9 @@
-"""What is wrong with navigation that the scans contradict: a sign turned, axes exchanged, another unit, rows shifted.
+"""Mistakes in navigation that the scans contradict: a wrong sign, exchanged axes, a wrong unit, shifted rows.
 
-Mistakes are hypotheses: each changes what was measured so that it is right again. Pairs of scans, registered without
-the navigation, are compared with it as it is given and as each mistake would have it; the mistake that agrees is named.
-All pairs of a finished map together show more than each alone. Mistakes of all scans are among them: mirrored scans
-agree with navigation whose roll, heading and East have the other sign.
+Each mistake is a hypothesis that corrects the measurements. Pairs of scans, registered without the navigation, are
+compared with the given and with the corrected navigation; a mistake whose correction agrees is reported. The edges of a
+finished map show more than single pairs. Some mistakes concern all scans: mirrored scans agree with navigation whose
+roll, heading and East have the opposite sign.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,31 +21,30 @@ from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, values_of
 
 LEAST_PAIRS = 6
-# Right navigation that errs up to 10 times more than stated came to 3.5 in three simulated surveys.
-_LEAST_SIGMAS = 4.5
-_CAP = 100.0  # of a pair's chi-squared: one wrong registration is not worth more
-_RARE = 0.999  # of right pairs this share is below the limit of agreement
+_MIN_SIGMAS = 4.5  # evidence from pairs, above which a mistake is reported
+_CAP = 100.0  # largest chi-squared of a pair, which bounds the weight of a wrong registration
+_CONFIDENCE = 0.999  # quantile of chi-squared up to which a pair agrees
 _AGREE = 0.8  # share of the pairs that have to agree
-# Beside any hypothesis some fixes may be wrong: of at most this share of the scans, each at this price of chi-squared.
-_MOST_WRONG, _WRONG = 0.25, 10.0
-# Headings are turned by whole degrees up to this, and no less than this.
-_MOST_TURNED, _LEAST_TURNED, _COARSE = 45, 3, 3
-_KINDS = ((0, 1), (2,), (3, 4), (5,))  # columns that an instrument measures
-# Depths alone, that err four times more than stated, came to 4.6 in feet.
-_LEAST_OF_A_MAP = 5.5
-_MOST_SCANS = 1000  # beyond, the graph takes long to be solved for every hypothesis
+_MAX_WRONG = 0.25  # largest share of the scans whose fixes may be wrong under any hypothesis
+_WRONG_COST = 10.0  # chi-squared that each such scan costs
+_MAX_TURN = 45  # [deg]
+_MIN_TURN = 3  # [deg]
+_COARSE = 3  # [deg], first step of the search for a turn, which ends with 1 degree
+_KINDS = ((0, 1), (2,), (3, 4), (5,))  # columns that one instrument measures
+_MIN_SIGMAS_OF_MAP = 5.5  # evidence from a map, above which a mistake is reported
+_MAX_SCANS = 1000  # of a map: every hypothesis optimizes the graph
 _FOOT = 0.3048  # [m]
-_ROWS = 10  # rows of scans this far before or behind are tried
-_TIE = 20.0  # of chi-squared: two hypotheses so close are both named
-_MOST_NAMED = 3
-TIMES = (2.0, 4.0, 8.0)  # by which standard deviations may be too small
+_ROWS = 10  # largest shift of the rows that is tried
+_TIE = 20.0  # hypotheses whose chi-squared differs by less are reported together
+_MAX_REPORTED = 3
+TIMES = (2.0, 4.0, 8.0)  # factors by which standard deviations may be too small
 LENGTHS = np.isin(np.arange(6), (3, 4, 5))  # columns in meters
 
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    sigmas: float  # the square root of by how much chi-squared falls
-    instead: tuple[str, ...]  # the hypotheses that agree, best first
+    sigmas: float  # square root of the decrease of chi-squared
+    instead: tuple[str, ...]  # mistakes that would explain it, best first
 
     def __str__(self) -> str:
         instead = ", or ".join(self.instead)
@@ -53,7 +52,7 @@ class Contradiction:
 
     @property
     def remedy(self) -> str:
-        """What to do about each, in words."""
+        """How to correct each of these mistakes, in words."""
         return ", or ".join(dict.fromkeys(_REMEDIES.get(name, _TURN) for name in self.instead))
 
 
@@ -89,7 +88,7 @@ def added(degrees: float, column: int, sign: float = 1.0) -> _Change:
 
 _COLUMNS = "exchange the columns' names, by --nav-columns"
 _TURN = "give the turn by --mount 0,0,DEGREES, or --heading-reference, --magnetic-declination"
-# By what is done about them, the mistakes, and the change of the navigation that takes each back.
+# {remedy: {mistake: change of the navigation that corrects it}}
 _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
     "give --nav-frame, or turn the sign in the file": {
         "heading_deg with the opposite sign": _signed(2),
@@ -121,7 +120,7 @@ _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
         **{f"the rows {by} scans after": _shifted(by) for by in range(2, _ROWS + 1)},
     },
     "give --frame": {
-        # with M and W the reflections of y and East, T -> W T M leaves the pairs as mirrored scans have them
+        # T -> W T M, with M and W the reflections of y and East, gives the relative poses of mirrored scans
         "scans mirrored, left for right": _signed(0, 2, 3),
         "scans upside down": added(180.0, 0),
     },
@@ -133,20 +132,20 @@ _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
 _GEOGRAPHIC = "latitude and longitude exchanged"
 _REMEDIES = {name: remedy for remedy, named in _MISTAKES.items() for name in named}
 _REMEDIES[_GEOGRAPHIC] = _COLUMNS
-SIZES = {"scans a thousand times smaller": 1e3, "scans a thousand times larger": 1e-3}  # lengths err alike
+SIZES = {"scans a thousand times smaller": 1e3, "scans a thousand times larger": 1e-3}  # factors of sigmas of lengths
 
 
 def _geographic(origin: tuple[float, float]) -> _Change:
-    """Latitude and longitude exchanged [deg], about an origin that has them so as well."""
+    """Exchange latitude and longitude, which were also exchanged in the `origin` [deg]."""
     shrink_east, shrink_north = np.cos(np.radians(origin))
     order = [0, 1, 2, 4, 3, 5]
     return lambda values: values[:, order] * np.array([1, 1, 1, shrink_north, 1 / shrink_east, 1])
 
 
 def corrected(values: Values, origin: tuple[float, float] | None = None) -> Iterator[tuple[str, Values]]:
-    """What was measured as each mistake would have it, but for headings turned by other angles; those alone that change
-    anything, and of several that do the same and have one remedy the first. `origin`: latitude and longitude of the
-    places' origin, where they were read as such [deg]."""
+    """The mistakes and the values corrected for each, without headings turned by other angles. Corrections that change
+    nothing, or the same as an earlier one with the same remedy, are left out. `origin`: latitude and longitude of the
+    origin of positions [deg], if they were read as such."""
     geographic = {} if origin is None else {_GEOGRAPHIC: _geographic(origin)}
     for remedy, named in _MISTAKES.items():
         before = [values]
@@ -158,17 +157,17 @@ def corrected(values: Values, origin: tuple[float, float] | None = None) -> Iter
 
 
 def best_of(falls: Mapping[str, float], least: float) -> Contradiction | None:
-    """The hypotheses that agree better than the navigation as it is given, by how much chi-squared falls, where that is
-    by `least` sigmas or more."""
+    """The best hypotheses, if chi-squared decreases by `least` sigmas or more and not too many are about equally good.
+    `falls`: decrease of chi-squared by hypothesis."""
     best = max(falls.values(), default=0.0)
     named = tuple(name for name in sorted(falls, key=lambda name: -falls[name]) if falls[name] > best - _TIE)
-    if best < least**2 or len(named) > _MOST_NAMED:
+    if best < least**2 or len(named) > _MAX_REPORTED:
         return None
     return Contradiction(float(np.sqrt(best)), named)
 
 
 def measured_values(priors: Sequence[PosePrior | None]) -> tuple[Values, np.ndarray]:
-    """(n, 6) values, NaN where not measured, and standard deviations [rad, m], the column's usual where it has none."""
+    """(n, 6) values, NaN where not measured, and standard deviations [rad, m], there the column's median."""
     values, sigmas = np.full((len(priors), 6), np.nan), np.full((len(priors), 6), np.inf)
     for row, prior in enumerate(priors):
         if prior is not None:
@@ -182,10 +181,10 @@ def measured_values(priors: Sequence[PosePrior | None]) -> tuple[Values, np.ndar
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """What the scans alone say of n pairs."""
+    """Registrations of n pairs of scans, without the navigation."""
 
-    i: np.ndarray  # i, j: (n,) int64, targets and sources
-    j: np.ndarray
+    i: np.ndarray  # (n,) int64, targets
+    j: np.ndarray  # (n,) int64, sources
     T_i_j: RigidTransform  # n registrations
     covariances: np.ndarray  # (n, 6, 6), rotation first [rad, m], body tangent of j
 
@@ -193,25 +192,24 @@ class Registered:
 def contradiction(
     priors: Sequence[PosePrior | None], registered: Registered, origin: tuple[float, float] | None = None
 ) -> Contradiction | None:
-    """What is wrong with the navigation, as far as the scans tell it. Something is named only if most pairs agree with
-    it, and the evidence is overwhelming, also beside instruments that err more than stated or say nothing of the way;
-    hypotheses that agree alike are named together, or, where there are many, none is. `priors` are of the scans in the
-    order of their times, `registered` pairs that registrations without any prior are sure of, `origin` as of
-    `corrected`."""
+    """The mistake in the navigation that the scans contradict, or None. A mistake is reported only if most pairs agree
+    with its correction and the evidence is strong, also compared with instruments that have larger errors or do not
+    see the motion. Equally good hypotheses are reported together; if they are too many, none is. `priors`: of the scans
+    in the order of their times; `registered`: confident registrations without a prior; `origin`: as of `corrected`."""
     values, sigmas = measured_values(priors)
     given = pair_costs(values, sigmas, registered)
     if (given[:, 1] > 0).sum() < LEAST_PAIRS:
         return None
     costs: dict[str, np.ndarray] = {}
     for name, changed in corrected(values, origin):
-        # deviations stay with their columns and rows
+        # standard deviations keep their columns and rows
         costs[name] = pair_costs(changed, sigmas * np.where(LENGTHS, SIZES.get(name, 1.0), 1.0), registered)
     turned: dict[int, np.ndarray] = {}
     for step in (_COARSE, 1):
         near = min(turned, key=lambda by: turned[by][:, 0].sum(), default=0)
-        reach = _COARSE if turned else _MOST_TURNED
+        reach = _COARSE if turned else _MAX_TURN
         for by in range(near - reach, near + reach + 1, step):
-            if by not in turned and abs(by) >= _LEAST_TURNED:
+            if by not in turned and abs(by) >= _MIN_TURN:
                 turned[by] = pair_costs(added(by, 2)(values), sigmas, registered)
     by = min(turned, key=lambda by: turned[by][:, 0].sum())
     costs[f"heading_deg turned by {by} degrees"] = turned[by]
@@ -219,57 +217,57 @@ def contradiction(
 
 
 def _ordinary(values: Values, sigmas: np.ndarray, registered: Registered) -> list[np.ndarray]:
-    """Costs of what is no mistake that has a name: an instrument errs more than it says, or does not see the way."""
+    """Costs under explanations without a mistake: an instrument has larger errors, or does not see the motion."""
     rivals: list[np.ndarray] = []
     for columns in _KINDS:
-        own = np.isin(np.arange(6), columns)
-        rivals += [pair_costs(values, np.where(own, times * sigmas, sigmas), registered) for times in TIMES]
-        rivals.append(pair_costs(np.where(own, 0.0 * values, values), sigmas, registered))
+        of_kind = np.isin(np.arange(6), columns)
+        rivals += [pair_costs(values, np.where(of_kind, times * sigmas, sigmas), registered) for times in TIMES]
+        rivals.append(pair_costs(np.where(of_kind, 0.0 * values, values), sigmas, registered))
     return rivals
 
 
 def _without_wrong(costs: np.ndarray, i: np.ndarray, j: np.ndarray) -> float:
-    """Chi-squared (n, 3) of pairs i, j (n,) if a few scans, those that explain most of it, have wrong fixes."""
-    left, price, scans = costs[:, 0].copy(), 0.0, np.union1d(i, j)
+    """Total chi-squared of pairs i, j (n,) with `costs` (n, 3) if the few scans with most of it have wrong fixes."""
+    rest, price, scans = costs[:, 0].copy(), 0.0, np.union1d(i, j)
     of_scan = (scans[:, None] == i) | (scans[:, None] == j)
-    for _ in range(int(_MOST_WRONG * len(scans))):
-        worth = of_scan @ left
+    for _ in range(int(_MAX_WRONG * len(scans))):
+        worth = of_scan @ rest
         worst = int(np.argmax(worth))
-        if worth[worst] <= _WRONG:
+        if worth[worst] <= _WRONG_COST:
             break
-        price += _WRONG
-        left[of_scan[worst]] = 0.0
-    return price + float(left.sum())
+        price += _WRONG_COST
+        rest[of_scan[worst]] = 0.0
+    return price + float(rest.sum())
 
 
 def _verdict(
     ordinary: Sequence[np.ndarray], costs: Mapping[str, np.ndarray], registered: Registered
 ) -> Contradiction | None:
-    """The hypotheses that agree, of (n, 3) costs of the pairs under each; the first of those that are `ordinary` is of
-    the navigation as it is given."""
+    """The best of the hypotheses, from the (n, 3) `costs` of the pairs under each, compared with the `ordinary`
+    explanations, of which the first is the given navigation."""
     given, falls = ordinary[0], dict[str, float]()
     for name, cost in costs.items():
-        both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # rows shifted by one leave a pair at the end
-        if both.sum() >= LEAST_PAIRS and (cost[both, 0] <= chi2.ppf(_RARE, cost[both, 1])).mean() >= _AGREE:
+        both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # shifted rows leave pairs at the end without values
+        if both.sum() >= LEAST_PAIRS and (cost[both, 0] <= chi2.ppf(_CONFIDENCE, cost[both, 1])).mean() >= _AGREE:
             i, j = registered.i[both], registered.j[both]
             rivals = (_without_wrong(each[both], i, j) + float((each - given)[both, 2].sum()) for each in ordinary)
             falls[name] = min(rivals) - _without_wrong(cost[both], i, j)
-    return best_of(falls, _LEAST_SIGMAS)
+    return best_of(falls, _MIN_SIGMAS)
 
 
 def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np.ndarray:
-    """(n, 3) chi-squared, capped, its degrees of freedom, and the logarithm of the covariance's determinant, of each
-    registration beside what was measured of its scans. As `spectral.prior.RelativePrior` has them, for many pairs at
-    once; errors of roll and pitch are taken to be alike. `values` (N, 6) are in the order of COLUMNS, NaN where not
-    measured; `sigmas` (N, 6) [rad, m]."""
+    """(n, 3) capped chi-squared, degrees of freedom, and log determinant of the covariance, of each registration
+    compared with the measurements of its scans, as in `spectral.prior.RelativePrior` for many pairs at once. Roll and
+    pitch have equal errors. `values` (N, 6) are in the order of COLUMNS, NaN where not measured; `sigmas` (N, 6) [rad,
+    m]."""
     i, j, T = registered.i, registered.j, registered.T_i_j
     measured = np.isfinite(values)
     poses = poses_of(np.nan_to_num(values))
     places, R_world = poses.translation, poses.rotation
     R_target, R_source = (Rotation.from_quat(R_world.as_quat()[k]) for k in (i, j))
-    left = R_target * T.rotation * R_source.inv()
-    turn = twist(left)
-    tilt = (left * Rotation.from_euler("Z", -turn[:, None])).as_rotvec()[:, :2]
+    error = R_target * T.rotation * R_source.inv()
+    turn = twist(error)
+    tilt = (error * Rotation.from_euler("Z", -turn[:, None])).as_rotvec()[:, :2]
     shift = R_target.apply(T.translation)
     residual = np.column_stack([tilt, turn, shift - places[j] + places[i]])
     both = measured[i] & measured[j]
@@ -277,7 +275,7 @@ def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np
     moved = both[:, 3:5].all(axis=1) & attitude & measured[i, 2]
     known = np.column_stack([turned, turned, turned & both[:, 2], moved, moved, both[:, 5] & attitude])
     covariance = _covariance(np.where(measured, sigmas, 0.0), shift, R_target * T.rotation, registered)
-    # what is not known stands apart from the rest, and is 0
+    # unknown residuals are 0 and uncorrelated with the others
     covariance = np.where(known[:, :, None] & known[:, None, :], covariance, np.eye(6))
     residual = np.where(known, residual, 0.0)
     squared = np.einsum("nk,nk->n", residual, np.linalg.solve(covariance, residual[:, :, None])[:, :, 0])
@@ -285,7 +283,7 @@ def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np
 
 
 def _covariance(sigmas: np.ndarray, shift: np.ndarray, R_world_source: Rotation, registered: Registered) -> np.ndarray:
-    """(n, 6, 6) of tilt, tilt, turn, East, North, Up: of both scans' instruments and of the registrations."""
+    """(n, 6, 6) covariance of the residuals tilt, tilt, turn, East, North, Up, of instruments and registrations."""
     i, j = registered.i, registered.j
     variances = sigmas**2
     variances[:, :2] = variances[:, :2].max(axis=1, keepdims=True)
@@ -305,15 +303,15 @@ def contradiction_of_map(
     kinds: Sequence[str],
     origin: tuple[float, float] | None = None,
 ) -> Contradiction | None:
-    """What would have measurements of these kinds, which err more than stated, agree with a map's edges.
+    """The mistake whose correction makes measurements of these kinds, whose errors are too large, agree with a map.
 
     Args:
-        graph: of the map, with its optimum.
-        priors: what instruments measured of all scans, as it was given.
+        graph: pose graph of the map, at its optimum.
+        priors: given measurements of all scans.
         kinds: of `slam.decide.wrong_measurements`.
-        origin: as of `mistakes.corrected`.
+        origin: as of `corrected`.
     """
-    if len(priors) > _MOST_SCANS:
+    if len(priors) > _MAX_SCANS:
         return None
     values, sigmas = measured_values(priors)
     columns = [k for kind in kinds if kind in KINDS for k in range(*KINDS[kind].indices(6))]
@@ -327,19 +325,19 @@ def contradiction_of_map(
     falls: dict[str, float] = {}
     for name, changed in corrected(values, origin):
         differ = ~np.isclose(changed, values, equal_nan=True).all(axis=0)
-        # rows at other scans, and lengths of all scans, were asked of pairs
+        # shifted rows and scaled scans are hypotheses for pairs only
         if np.isnan(changed).sum() == np.isnan(values).sum() and name not in SIZES and (differ & own).any():
             falls[name] = min(ordinary) - _total(graph, changed, sigmas)
-    return best_of(falls, _LEAST_OF_A_MAP)
+    return best_of(falls, _MIN_SIGMAS_OF_MAP)
 
 
 def _cost(apart: np.ndarray, numbers: int) -> float:
-    """Twice the negative logarithm of the likelihood of tails, of so many numbers each, in sigmas; without NaN."""
+    """-2 log likelihood of residuals `apart` [sigmas] of `numbers` dimensions each under Student's t; NaN counts 0."""
     return float(np.nansum((TAILS + numbers) * np.log1p(apart**2 / TAILS)))
 
 
 def _total(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> float:
-    """What measurements and edges cost together; infinite where these leave no solution."""
+    """Cost of the measurements and edges together; infinite if the graph has no solution."""
     try:
         apart, edges = _apart(graph, values, sigmas)
     except InputError:
@@ -348,7 +346,7 @@ def _total(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> float:
 
 
 def _apart(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> tuple[np.ndarray, float]:
-    """(n, 6) how far the optimum is from what was measured [sigmas], and what that costs of the edges."""
+    """(n, 6) residuals of the measurements at the optimum [sigmas], and the cost of the edges there."""
     known = np.isfinite(values)
     poses = poses_of(np.nan_to_num(values))
     given = {

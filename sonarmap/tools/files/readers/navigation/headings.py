@@ -1,8 +1,7 @@
-"""Which North headings count from, and how much instruments usually err, by what a log calls them.
+"""The quantity, unit and instrument that the heading of a log's column names.
 
-The latter is where neither the log nor a user gives standard deviations. They are from data sheets of usual
-instruments, rather too large: that errors are larger than stated is measured while a map is made, that they are smaller
-is not.
+The instrument gives standard deviations where neither the log nor the user does. They are from data sheets, and rather
+too large.
 """
 
 import re
@@ -18,8 +17,7 @@ from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS
 KEYS = ("name", "stamp")
 OWN = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)  # the headings of this program's own files
 FOOT = 0.3048  # the international foot [m]
-# How logs call the quantities in English, German and French, in small letters without accents or anything but letters
-# and digits
+# Names of the quantities in English, German and French logs, in small letters and digits, without accents
 SYNONYMS = {
     "name": "name scan scanname file filename",
     "stamp": "stamp time timestamp utc utctime timeutc datetime datetimeutc timeofday unixtime unix epoch epochtime "
@@ -44,7 +42,7 @@ SYNONYMS = {
 }
 QUANTITIES = (*SYNONYMS, *SIGMA_COLUMNS)
 GPS_NAMES = frozenset(["gpstime", "gpsseconds", "gpstow", "tow", "timeofweek", "secondsofweek", "sow"])
-# What each of COLUMNS may be made of
+# Quantities from which each of COLUMNS may be computed
 SOURCES = (
     ("roll_deg",),
     ("pitch_deg",),
@@ -65,7 +63,7 @@ _TIMES = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1
 _UNITS = {"deg": _ANGLES, "m": _LENGTHS, "s": _TIMES}
 _REFERENCES = ("true", "t")  # of a heading, where its unit would stand
 _MAGNETIC = ("magnetic", "mag")
-# Each of these takes a time in proportion to the heading's length, whatever it holds
+# Each of these takes linear time for any heading
 _BRACKETS = re.compile(r"(.*)[\(\[]([^()\[\]]*)[\)\]]")
 _BETWEEN_WORDS = re.compile(r"[\s_.]+")
 _ZONE = re.compile(r"(?:utc|gmt|z)?\s*(?:([+-])(\d{1,2})(?::?(\d\d))?)?", re.IGNORECASE)
@@ -74,14 +72,14 @@ _WORDS = re.compile(r"[a-z]+|[0-9]+")
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a log that is understood."""
+    """A recognized column of a log."""
 
     index: int  # in the rows
-    heading: str  # as it is written
+    heading: str  # as written
     quantity: str  # of QUANTITIES
     factor: float = 1.0  # from its unit to that of the quantity's name (degrees, meters, seconds)
-    word: str = ""  # how the log calls it, in small letters without anything but letters and digits
-    unit: str = ""  # as written, in small letters; "" where none is
+    word: str = ""  # the heading without unit and sigma, only small letters and digits
+    unit: str = ""  # as written, in small letters; "" if there is none
     words: tuple[str, ...] = ()  # of the heading, in small letters
 
     @property
@@ -90,8 +88,8 @@ class Column:
 
 
 def column_of(index: int, heading: str, quantity: str | None = None) -> Column | None:
-    """What a heading says; None where nothing is known of it. `quantity`: what the user says that it is, so that only
-    the unit is asked for."""
+    """The column with a heading; None if it is not recognized. `quantity`: given by the user, so that only the unit is
+    read from the heading."""
     if heading in OWN:
         return Column(index, heading, quantity or heading, word=heading)
     stem, unit = _split(_plain(heading))
@@ -118,7 +116,7 @@ def _plain(heading: str) -> str:
 
 
 def zone_of(unit: str) -> float | None:
-    """The hours, in seconds, that a clock of "UTC+2" or "+02:00" is ahead of UTC; None for what is no zone."""
+    """Offset of a zone like "UTC+2" or "+02:00" from UTC [s], positive ahead; None if it is not a zone."""
     zone = _ZONE.fullmatch(unit)
     if not unit or not zone:
         return None
@@ -142,7 +140,7 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
     kind = quantity.rsplit("_", 1)[-1] if quantity != "stamp" else "s"
     units = _UNITS.get(kind)
     if not unit or units is None or (kind == "s" and unit not in units):
-        return 1.0  # what a time's unit may be besides is a zone, which is looked at with the times
+        return 1.0  # the unit of a time may also be a zone, which `times_of` reads
     unit = unit if unit in units else unit.split()[0]  # as in "m below surface"
     if kind == "deg" and (unit in _REFERENCES or (quantity in ("lat_deg", "lon_deg") and unit not in _LENGTHS)):
         return units.get(unit, 1.0)
@@ -152,7 +150,7 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
             "its heading"
         )
     if units[unit] == FOOT and quantity in ("easting_m", "northing_m"):
-        raise InputError(f"the column {heading!r} is in feet, of which grids have two kinds; give it in meters")
+        raise InputError(f"the column {heading!r} is in feet, international or US survey ones; give it in meters")
     return units[unit]
 
 
@@ -160,8 +158,8 @@ def _both(first: str, second: str, sigma: float) -> dict[str, float]:
     return {first: sigma, second: sigma}
 
 
-# What an instrument is called, the words of which any in a heading names it, and its standard deviations by COLUMNS
-# [deg, m]. The first that a heading names counts.
+# Name of an instrument, the words that stand for it in a heading, and its standard deviations by COLUMNS [deg, m]. The
+# first that a heading names counts.
 INSTRUMENTS: tuple[tuple[str, str, Mapping[str, float]], ...] = (
     ("RTK", "rtk ppk", _both("x_m", "y_m", 0.05)),
     ("floating RTK", "rtkfloat", _both("x_m", "y_m", 0.5)),
@@ -179,8 +177,8 @@ Usual = tuple[str, float]  # an instrument's name, and its standard deviation in
 
 
 def usual_of(column: str, named: Iterable[str]) -> Usual | None:
-    """The instrument that a heading names by its words in small letters; None where it names none that measures this
-    one of COLUMNS."""
+    """The instrument that one of the words `named`, in small letters, stands for, and its standard deviation in
+    `column` of COLUMNS; None if there is no such instrument."""
     for name, words, sigmas in INSTRUMENTS:
         if column in sigmas and {*words.split()}.intersection(named):
             return name, sigmas[column]
@@ -188,9 +186,9 @@ def usual_of(column: str, named: Iterable[str]) -> Usual | None:
 
 
 def usual_note(named: Mapping[str, Usual]) -> str:
-    """What is taken for the columns of COLUMNS, in words."""
-    said = [
+    """A note on the usual standard deviations that are taken, by COLUMNS."""
+    parts = [
         f"{column.rsplit('_', 1)[0]} {sigma:g} {'degrees' if column.endswith('deg') else 'm'} ({name})"
         for column, (name, sigma) in named.items()
     ]
-    return f"standard deviations are taken to be {', '.join(said)}; --prior-sigmas gives others"
+    return f"standard deviations are taken to be {', '.join(parts)}; --prior-sigmas gives others"

@@ -1,8 +1,7 @@
-"""A log of navigation, which scan a row belongs to (by its name, its stamp, or its number as in pairs.csv), and rows
-that cannot be.
+"""Navigation logs: interpolation at the scans' stamps, scans by name, stamp or number, and detection of faulty rows.
 
-The latter are recognized by the log alone: places that nobody gets to and back from, values that stand still while the
-vehicle moves, times out of order. They are left out, and listed by their lines.
+Faulty rows are recognized by the log alone: positions too far away to reach and return from in time, values that stand
+still while the vehicle moves, times out of order. They are left out, and listed by their line numbers.
 """
 
 import re
@@ -18,41 +17,38 @@ from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.csv_table import index_of, plain_text
 from sonarmap.tools.files.readers.file import FORMATS
 
-# What is measured at times of its own: columns of a priors file.
+# Columns that are measured together, at times of their own.
 _SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))
 _HEADING = 2
-# Two measurements this far apart tell what was between them [s].
-MOST_BETWEEN = 5.0
-# A single fix is one of the nearest scan, less sure by what a vehicle does in the time between [m/s].
-_SPEED = 1.0
-SAME_STAMP = 1e-3  # seconds: files carry stamps with other numbers of digits
+MOST_BETWEEN = 5.0  # [s], longest gap between two measurements that is interpolated
+_SPEED = 1.0  # [m/s] of the vehicle, for the error of a fix that is assigned to the nearest scan
+SAME_STAMP = 1e-3  # [s]: files round stamps to different numbers of digits
 _SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IGNORECASE | re.DOTALL)
-# What is measured at a time, the columns, and how its steps are read: a place, an angle [deg] or a number.
+# Kinds of measurements that are searched for faulty rows, and their columns.
 KINDS = {"position": np.array([3, 4]), "depth": np.array([5]), "heading": np.array([2])}
-_FEWEST = 12  # rows of a kind that tell what is usual
-# Nothing changes faster than so many times what nearly all steps do (this share of them).
-_FASTER, _NEARLY_ALL = 4.0, 0.95
-# Rows between two such leaps are wrong if they are fewer than this share of all.
-_FEW = 0.1
-# A value that repeats itself so often, for so long [s], and so many times longer than repeated values usually do,
-# stands still; the vehicle moves meanwhile, by so many times what its steps usually are.
-_REPEATED, _STILL, _LONGER, _MOVED = 5, 5.0, 4.0, 10.0
+_MIN_ROWS = 12  # of a kind, for its usual steps to be known
+_USUAL_QUANTILE = 0.95  # of the steps' speeds, is the usual speed
+_FASTER = 4.0  # times the usual speed is a leap
+_FEW = 0.1  # rows between two leaps are wrong if they are fewer than this share of all
+_MIN_REPEATS = 5  # rows with the same value that stand still
+_MIN_STILL = 5.0  # [s] that these rows last
+_LONGER = 4.0  # least ratio of their number to the usual number of repeats
+_MOVED = 10.0  # least ratio of the step after them to the usual step
 
 
 @dataclass(frozen=True, slots=True)
 class NavigationLog:
-    """Rows of a file of navigation, of the vehicle, or of the sonar where nothing is said of its mount."""
+    """Rows of a navigation file, for the vehicle, or for the sonar if no mount is given."""
 
-    key: str  # "name" or "stamp", which says which scan a row is for
-    lines: np.ndarray  # (n,) int64, of the rows in the file
-    keys: tuple[str, ...]  # the names, or the stamps as they are written
+    key: str  # "name" or "stamp": the column that tells which scan a row is for
+    lines: np.ndarray  # (n,) int64 line numbers of the rows
+    keys: tuple[str, ...]  # the scans' names, or the stamps as text
     times: np.ndarray  # (n,) float64 [s, UTC]; NaN where the key is a name
-    # (n, 6) float64 in the order, units and signs of `readers.instruments.COLUMNS`; NaN where nothing was measured. x
-    # and y are East and North of the georeference's origin, if there is one; headings from the North of
-    # `heading_reference`.
+    # (n, 6) float64 in the order, units and signs of `readers.instruments.COLUMNS`; NaN where not measured. x and y
+    # are East and North of the georeference's origin, if there is one; headings count from the settings' North.
     values: np.ndarray
     sigmas: np.ndarray  # (n, 6) float64 standard deviations in the same units; NaN where the file has none
-    georeference: Georeference | None = None  # where the origin is on the Earth; None where that is not known
+    georeference: Georeference | None = None  # where the origin is on the Earth; None if unknown
 
     @property
     def measured(self) -> np.ndarray:
@@ -63,13 +59,13 @@ class NavigationLog:
 def at_scans(
     stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What rows at `times` (n,) [s], in any order, say of scans at (N,) stamps: (N, 6) values in the order and units of
-    COLUMNS, NaN where unknown, and standard deviations, inf there, of `values` and `sigmas` (n, 6) alike.
+    """Interpolate rows at `times` (n,) [s], in any order, with `values` and `sigmas` (n, 6), to N scans at `stamps`.
 
-    Attitude, heading, position and depth may be in rows of their own. Each is interpolated between the measurements
-    before and after a scan if these are at most 5 s apart; the larger of both standard deviations counts. A position or
-    depth that is farther from the next one belongs to the scan next to it, if that is nearer than half the usual time
-    between scans, and is less sure by a meter per second.
+    Attitude, heading, position and depth may be in separate rows. Each is interpolated between the measurements before
+    and after a scan if these are at most 5 s apart, with the larger of both standard deviations. A scan without such a
+    position or depth takes the nearest one within half the usual time between scans; its error grows by 1 m/s.
+
+    Returns: (N, 6) values in the order and units of COLUMNS, NaN where unknown, and standard deviations, inf there.
     """
     order = np.argsort(times, kind="stable")
     times, values, sigmas = times[order], values[order], sigmas[order]
@@ -95,7 +91,7 @@ def at_scans(
 def _interpolated(
     stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What lies between two measurements, or at one: (N, m) values, NaN where unknown, and standard deviations."""
+    """(N, m) values between two measurements or at one, NaN where unknown, and standard deviations, inf there."""
     known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
     after = np.clip(np.searchsorted(times, stamps), 0, len(times) - 1)
     before = np.maximum(after - 1, 0)
@@ -114,8 +110,8 @@ def _interpolated(
 def _attached(
     stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For each scan the nearest of the measurements to which it is the nearest scan, at most `reach` [s] away, as
-    `_interpolated` gives them."""
+    """Assign each measurement to the nearest scan within `reach` [s], and keep the nearest one of each scan; the result
+    is that of `_interpolated`."""
     known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
     order = np.argsort(stamps, kind="stable")
     after = np.clip(np.searchsorted(stamps[order], times), 0, len(order) - 1)
@@ -131,9 +127,9 @@ def _attached(
 
 
 def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str, allow_unknown: bool) -> int | None:
-    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`. `by` is "name" (with
-    or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp"; `key` is what the row has, `time` its
-    stamp [s, UTC]."""
+    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`. `by` is "name" or
+    "stamp"; `key` is the row's name (with or without the suffix of the scan's file, as `recording.sonar#3`) or stamp as
+    text, `time` its stamp [s, UTC]."""
     indices = [k for k, scan in enumerate(scans) if abs(scan.stamp - time) <= SAME_STAMP]
     if by == "name":
         match = _SUFFIX.fullmatch(key)
@@ -154,7 +150,7 @@ def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str,
 
 
 def _called(scans: Sequence[Scan], name: str) -> list[int]:
-    """The scans with a name as a table can have it, which is the scan's own but for line breaks and the like."""
+    """The scans with a name, as it is or as tables write it: without line breaks and the like."""
 
     def fits(own: str) -> bool:
         return own == name or ((not own.isprintable() or own != own.strip()) and plain_text(own) == name)
@@ -163,8 +159,8 @@ def _called(scans: Sequence[Scan], name: str) -> list[int]:
 
 
 def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
-    """The index of a scan. `cell`: a scan's name, with or without the suffix of its file, or its number from 0 as
-    pairs.csv has it; a name that is a number counts first."""
+    """The index of a scan. `cell`: the scan's name, with or without the suffix of its file, or its number from 0 as in
+    pairs.csv; a name takes precedence over a number."""
     index = find_scan(scans, "name", cell, float("nan"), where, allow_unknown=True)
     if index is None and (index := index_of(cell, len(scans))) is None:
         raise InputError(
@@ -176,7 +172,7 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class RowFault:
-    """A row, or what it measured of a kind, that was left out."""
+    """A measurement, or a whole row, that was left out."""
 
     line: int  # in the file
     kind: str  # of KINDS, or "time"
@@ -184,13 +180,13 @@ class RowFault:
 
 
 def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[NavigationLog, list[RowFault]]:
-    """The log without what cannot be, and that, in the order of its lines; a log whose rows have names is left alone.
+    """The log without faulty measurements, and these, ordered by line; a log whose rows have names is not changed.
 
     Args:
-        log: rows at times of their own.
-        fastest: that the vehicle goes [m/s].
+        log: rows with times.
+        fastest: largest speed of the vehicle [m/s].
     """
-    if log.key != "stamp" or len(log.times) < _FEWEST:
+    if log.key != "stamp" or len(log.times) < _MIN_ROWS:
         return log, []
     values, faults = log.values.copy(), list[RowFault]()
     for row in _out_of_order(log.times):
@@ -200,7 +196,7 @@ def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[Navigation
         rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         rows = rows[np.argsort(log.times[rows], kind="stable")]
         rows = rows[np.append(True, np.diff(log.times[rows]) > 0)] if len(rows) else rows
-        if len(rows) < _FEWEST:
+        if len(rows) < _MIN_ROWS:
             continue
         series = values[np.ix_(rows, columns)]
         if kind == "heading":
@@ -208,18 +204,18 @@ def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[Navigation
         stated = log.sigmas[np.ix_(rows, columns)]
         noise = float(np.median(stated)) if kind == "position" and np.isfinite(stated).all() else 0.0
         most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
-        # a value that stood still leaps when it goes on: first without those
-        for found in (_standing, partial(_leaps, fastest=most[0], noise=most[1])):
-            left = np.isfinite(values[np.ix_(rows, columns)]).all(axis=1)
-            for n, reason in found(log.times[rows[left]], series[left]):
-                row = int(rows[left][n])
+        # repeated values come first, as a value that stood still leaps when it goes on
+        for faults_of in (_standing, partial(_leaps, fastest=most[0], noise=most[1])):
+            good = np.isfinite(values[np.ix_(rows, columns)]).all(axis=1)
+            for n, reason in faults_of(log.times[rows[good]], series[good]):
+                row = int(rows[good][n])
                 faults.append(RowFault(int(log.lines[row]), kind, reason))
                 values[row, columns] = np.nan
     return replace(log, values=values), sorted(faults, key=lambda fault: fault.line)
 
 
 def fault_notes(faults: Sequence[RowFault], listed: int = 5) -> list[str]:
-    """The rows in a sentence for each kind and reason."""
+    """One sentence for each kind and reason, with the line numbers of the rows, at most `listed`."""
     lines: dict[tuple[str, str], list[int]] = {}
     for fault in faults:
         lines.setdefault((fault.kind, fault.reason), []).append(fault.line)
@@ -233,17 +229,17 @@ def fault_notes(faults: Sequence[RowFault], listed: int = 5) -> list[str]:
 
 
 def _out_of_order(times: np.ndarray) -> list[int]:
-    """Rows whose time is not between those of the rows around, which are in order."""
+    """Rows whose time is not between those of their neighbors, although these are in order."""
     before, own, behind = times[:-2], times[1:-1], times[2:]
     return (1 + np.flatnonzero((before <= behind) & ((own < before) | (own > behind)))).tolist()
 
 
 def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) -> list[tuple[int, str]]:
-    """Rows to which, and back from which, nothing gets so fast."""
+    """Rows that the vehicle could not reach and return from in the time between rows, with a reason."""
     spans = np.diff(times)
     steps = np.linalg.norm(np.diff(series, axis=0), axis=1)
-    usual = float(np.quantile(steps / spans, _NEARLY_ALL))
-    # what noise alone makes of a step
+    usual = float(np.quantile(steps / spans, _USUAL_QUANTILE))
+    # the noise of two fixes adds to their step
     most = np.minimum(_FASTER * usual, fastest + 4 * np.sqrt(2) * noise / spans)
     cuts = np.flatnonzero(steps > most * spans)
     if not len(cuts) or usual <= 0:
@@ -254,30 +250,30 @@ def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) 
     def reaches(a: int, b: int) -> bool:
         return float(np.linalg.norm(series[b] - series[a])) <= most.min() * (times[b] - times[a])
 
-    found, before = list[int](), -1  # before: the last row that is right; -1 while none is known
+    faulty, before = list[int](), -1  # before: the last good row; -1 while there is none
     for n, piece in enumerate(pieces):
         behind = next((int(pieces[k][0]) for k in range(n + 1, len(pieces)) if long[k]), -1)
         first, last = int(piece[0]), int(piece[-1])
         if long[n] or (before >= 0 and behind >= 0 and reaches(before, first) and reaches(last, behind)):
             before = last
         elif before >= 0 and behind >= 0 and reaches(before, behind):
-            found += piece.tolist()
-    return [(k, "far from the rows around, farther than the vehicle gets in the time between") for k in found]
+            faulty += piece.tolist()
+    return [(k, "far from the rows around, farther than the vehicle gets in the time between") for k in faulty]
 
 
 def _standing(times: np.ndarray, series: np.ndarray) -> list[tuple[int, str]]:
-    """Rows that repeat an earlier value for long, where the next one is far from it."""
+    """Rows that repeat a value for long although the next value is far from it, with a reason."""
     starts = np.flatnonzero(np.append(True, (np.diff(series, axis=0) != 0).any(axis=1)))
     lengths = np.diff(np.append(starts, len(times)))
     steps = np.linalg.norm(np.diff(series[starts], axis=0), axis=1)
-    if len(starts) < _FEWEST:
+    if len(starts) < _MIN_ROWS:
         return []
     usual, moved = np.median(lengths), np.median(steps)
     if series.shape[1] == 1 and moved <= 2 * steps.min():
-        return []  # whole degrees or decimeters: they stay the same while a vehicle holds its heading or depth
+        return []  # values rounded to degrees or decimeters repeat while a vehicle holds its heading or depth
     found = list[int]()
     for start, length, step in zip(starts[:-1].tolist(), lengths[:-1].tolist(), steps.tolist(), strict=True):
         lasts = times[start + length - 1] - times[start]
-        if length >= max(_REPEATED, _LONGER * usual) and lasts >= _STILL and step > _MOVED * moved:
+        if length >= max(_MIN_REPEATS, _LONGER * usual) and lasts >= _MIN_STILL and step > _MOVED * moved:
             found += range(start + 1, start + length)
     return [(k, "the same as the rows before, while the vehicle moved on") for k in found]

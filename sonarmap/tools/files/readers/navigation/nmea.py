@@ -1,7 +1,7 @@
-"""NMEA 0183 sentences: places of GGA and RMC, headings of HDT or THS, dates of RMC and ZDA.
+"""NMEA 0183 sentences: positions of GGA and RMC, headings of HDT and THS, dates of RMC and ZDA.
 
-Whatever stands before the $ of a line, as a logger's own time, is passed over, and so are all other sentences. The
-first two letters of a sentence name its talker: a receiver, a gyrocompass, the navigation of a vehicle beside a ship.
+Other sentences, and text before the $ of a line, as a logger's time, are ignored. The first two letters of a sentence
+name its talker: a receiver, a gyrocompass, the navigation of a vehicle beside a ship.
 """
 
 import re
@@ -28,52 +28,52 @@ SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{
 _STARTS = re.compile(r"\$[A-Z]{5},")
 _COUNTER = re.compile(r"(\d{2,3})(\d\d(?:\.\d*)?)")  # degrees and minutes
 _USED = ("GGA", "RMC", "HDT", "THS", "ZDA")
-# What a fix is by the quality of GGA or the mode of RMC, as `usual` calls it; of others GNSS
+# Kind of a fix by the quality of GGA or the mode of RMC, as `usual_of` names it; others are GNSS
 _KINDS = {"2": "dgnss", "4": "rtk", "5": "rtkfloat", "D": "dgnss", "R": "rtk", "F": "rtkfloat"}
-# Places that no receiver measured, likewise
+# Positions that no receiver measured, by the same
 _NO_FIX = {"6": "estimated", "7": "manual", "8": "simulated", "E": "estimated", "M": "manual", "S": "simulated"}
-_COMPASS = "gyro"  # what sends headings, likewise
+_COMPASS = "gyro"  # the source of headings, as `usual_of` names it
 _DEGREE = 111_195.0  # meters of latitude, on a sphere
-_CONTRADICTED = 3.0  # standard deviations between two talkers, in the median, that are not of one vehicle
+_CONTRADICTED = 3.0  # [sigmas]: talkers whose median difference is larger are on different vehicles
 
 
 @dataclass(frozen=True, slots=True)
-class _Said:
-    """What a sentence says of the place, or of the heading."""
+class _Measurement:
+    """The position or the heading in a sentence."""
 
     line: int
     talker: str
-    sentence: str  # the three letters behind the talker
-    values: tuple[float, float, float]  # heading, longitude, latitude [deg]; NaN where it says none
-    kind: str = ""  # of a fix, as `usual` calls it
+    sentence: str  # the three letters after the talker
+    values: tuple[float, float, float]  # heading, longitude, latitude [deg]; NaN if not in the sentence
+    kind: str = ""  # of a fix, as `usual_of` names it; "" for a heading
 
 
-_Row = tuple[_Said, float]  # and its time [s, UTC]
+_Row = tuple[_Measurement, float]  # and its time [s, UTC]
 
 
 @dataclass(slots=True)
 class _Sentences:
-    """What was read so far, of the talkers that count (all if none is named)."""
+    """The sentences that were read."""
 
-    talkers: tuple[str, ...]
+    talkers: tuple[str, ...]  # that are used; empty for all
     timed: list[tuple[int, float, float]] = field(default_factory=list)  # line, second of the day, Unix day or NaN
-    said: list[_Said] = field(default_factory=list)
-    left: Counter[str] = field(default_factory=Counter)
+    measurements: list[_Measurement] = field(default_factory=list)
+    unused: Counter[str] = field(default_factory=Counter)  # by sentence
     damaged: int = 0
-    unfixed: int = 0
+    unfixed: int = 0  # without a fix, a heading or a time
     unmeasured: Counter[str] = field(default_factory=Counter)  # by the words of _NO_FIX
 
 
 def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
-    """The places and headings of a file of sentences, with standard deviations as receivers and gyrocompasses usually
-    err, unless the settings have others. `scans`: (N,) stamps of the scans [s], for sentences without a date."""
+    """Positions and headings of an NMEA file, with the settings' standard deviations or the usual ones of receivers and
+    gyrocompasses. `scans`: (N,) stamps of the scans [s], for sentences without a date."""
     settings.refuse_unused(path, "holds NMEA sentences")
     read = _Sentences(settings.talkers)
     with reading(path), path.open(encoding="latin-1") as file:
         for number, line in enumerate(file, 1):
             _read_line(number, line, read)
     unmeasured = [f"{count} {kind}" for kind, count in sorted(read.unmeasured.items())]
-    if not read.said or not read.timed:
+    if not read.measurements or not read.timed:
         of = f" of {', '.join(read.talkers)} (--nmea-talker)" if read.talkers else ""
         raise InputError(
             f"{path} has no sentence{of} with a fix or a heading and a time ({read.damaged} have a wrong checksum, "
@@ -95,26 +95,26 @@ def _read_line(number: int, line: str, read: _Sentences) -> None:
     for match in whole:
         talker, kind, fields = match[1], match[2], match[3].split(",")[1:]
         try:
-            said = _taken(number, kind, fields, read) if kind in _USED else None
+            measurement = _measurement_of(number, kind, fields, read) if kind in _USED else None
         except (ValueError, IndexError, OverflowError):
             read.damaged += 1
             continue
         if kind not in _USED:
-            read.left[kind] += 1
-        elif said is not None and read.talkers and talker not in read.talkers:
-            read.left[f"{talker}{kind}"] += 1
-        elif said is not None:
-            read.said.append(replace(said, talker=talker))
+            read.unused[kind] += 1
+        elif measurement is not None and read.talkers and talker not in read.talkers:
+            read.unused[f"{talker}{kind}"] += 1
+        elif measurement is not None:
+            read.measurements.append(replace(measurement, talker=talker))
 
 
-def _taken(number: int, kind: str, fields: list[str], read: _Sentences) -> _Said | None:
-    """What one sentence says, of no talker yet, and its time; ValueError, IndexError or OverflowError where its fields
-    are not as they should be."""
+def _measurement_of(number: int, kind: str, fields: list[str], read: _Sentences) -> _Measurement | None:
+    """The measurement of a sentence, with an empty talker; its time is added to `read`. Invalid fields raise
+    ValueError, IndexError or OverflowError."""
     if kind in ("HDT", "THS"):
         is_valid = kind == "HDT" or fields[1] == "A"
         heading = float(fields[0] or np.nan)
         if is_valid and 0 <= heading <= 360:
-            return _Said(number, "", kind, (heading, np.nan, np.nan))
+            return _Measurement(number, "", kind, (heading, np.nan, np.nan))
         if is_valid and np.isfinite(heading):
             raise ValueError
         read.unfixed += 1
@@ -125,7 +125,7 @@ def _taken(number: int, kind: str, fields: list[str], read: _Sentences) -> _Said
     of_day = time_of_day(fields[0])
     if of_day is None:
         raise ValueError
-    day, said = np.nan, None
+    day, measurement = np.nan, None
     if kind == "ZDA" and all(fields[1:4]):
         day = _day(int(fields[3]), int(fields[2]), int(fields[1]))
     if kind == "RMC" and fields[8]:
@@ -133,13 +133,13 @@ def _taken(number: int, kind: str, fields: list[str], read: _Sentences) -> _Said
         year = int(date[4:6])
         day = _day(year + (2000 if year < 80 else 1900), int(date[2:4]), int(date[:2]))
     if kind != "ZDA":
-        said = _place(number, kind, fields, read)
+        measurement = _place(number, kind, fields, read)
     read.timed.append((number, of_day, day))
-    return said
+    return measurement
 
 
-def _place(number: int, kind: str, fields: list[str], read: _Sentences) -> _Said | None:
-    """Of GGA or RMC; None without a fix."""
+def _place(number: int, kind: str, fields: list[str], read: _Sentences) -> _Measurement | None:
+    """The position of GGA or RMC; None without a fix."""
     k, quality = (1, fields[5]) if kind == "GGA" else (2, "".join(fields[11:12]))  # RMC has a mode since version 2.3
     if quality in _NO_FIX:
         read.unmeasured[_NO_FIX[quality]] += 1
@@ -147,7 +147,7 @@ def _place(number: int, kind: str, fields: list[str], read: _Sentences) -> _Said
         read.unfixed += 1
     else:
         latitude, longitude = _angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW")
-        return _Said(number, "", kind, (np.nan, longitude, latitude), _KINDS.get(quality, "gnss"))
+        return _Measurement(number, "", kind, (np.nan, longitude, latitude), _KINDS.get(quality, "gnss"))
     return None
 
 
@@ -168,30 +168,30 @@ def _angle(digits: str, half: str, halves: str) -> float:
 def _log(
     path: Path, read: _Sentences, settings: NavigationSettings, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
-    """Rows of places and of headings, each at its time."""
+    """Rows of positions and of headings, each at its time."""
     timed = np.array(read.timed)
-    # a heading has no time of its own: it is placed between the sentences that have one, by its line
-    times = np.interp([said.line for said in read.said], timed[:, 0], _dates(timed, path, scans, notes))
-    rows = list(zip(read.said, times.tolist(), strict=True))
-    count, talkers = len(rows), list(dict.fromkeys(said.talker for said in read.said))
+    # a heading has no time: it is interpolated by line between the sentences that have one
+    times = np.interp([m.line for m in read.measurements], timed[:, 0], _dates(timed, path, scans, notes))
+    rows = list(zip(read.measurements, times.tolist(), strict=True))
+    count, talkers = len(rows), list(dict.fromkeys(m.talker for m in read.measurements))
     by_talker = {talker: _without_rmc([row for row in rows if row[0].talker == talker]) for talker in talkers}
     _refuse_contradictions(path, {talker: _arrays(own, settings) for talker, own in by_talker.items()})
     rows = _without_rmc(sorted(chain.from_iterable(by_talker.values()), key=lambda row: row[0].line))
-    read.left["places of RMC"] += count - len(rows)
-    if left := sorted((+read.left).items()):
-        notes.append(f"{path}: not used: {', '.join(f'{count} {kind}' for kind, count in left)}")
-    _say_sigmas(path, [said for said, _ in rows], settings, notes)
+    read.unused["places of RMC"] += count - len(rows)
+    if unused := sorted((+read.unused).items()):
+        notes.append(f"{path}: not used: {', '.join(f'{count} {kind}' for kind, count in unused)}")
+    _say_sigmas(path, [m for m, _ in rows], settings, notes)
     (times, values, sigmas), georeference = _arrays(rows, settings), None
     if np.isfinite(values[:, 3]).any():
         with naming(path):
             values, georeference = local_places(values, True, settings, notes)
-    lines, keys = np.array([said.line for said, _ in rows], np.int64), tuple(f"{time:.3f}" for time in times.tolist())
+    lines, keys = np.array([m.line for m, _ in rows], np.int64), tuple(f"{time:.3f}" for time in times.tolist())
     return NavigationLog("stamp", lines, keys, times, values, sigmas, georeference)
 
 
 def _without_rmc(rows: list[_Row]) -> list[_Row]:
-    """The rows without places of RMC at the time of a GGA, which says more of a fix, or between two near ones."""
-    gga = sorted(time for said, time in rows if said.sentence == "GGA")
+    """The rows without positions of RMC at the time of a GGA, which tells more of a fix, or between two near ones."""
+    gga = sorted(time for m, time in rows if m.sentence == "GGA")
 
     def is_beside(time: float) -> bool:
         before, after = bisect_right(gga, time) - 1, bisect_left(gga, time)
@@ -204,21 +204,21 @@ def _arrays(rows: Sequence[_Row], settings: NavigationSettings) -> tuple[np.ndar
     """Times (n,), and values and standard deviations (n, 6) as `NavigationLog` has them, with longitude and latitude
     [deg] in place of x and y."""
     values = np.full((len(rows), 6), np.nan)
-    values[:, 2:5] = [said.values for said, _ in rows]
-    return np.array([time for _, time in rows]), values, np.array([_sigmas(said, settings) for said, _ in rows])
+    values[:, 2:5] = [m.values for m, _ in rows]
+    return np.array([time for _, time in rows]), values, np.array([_sigmas(m, settings) for m, _ in rows])
 
 
-def _sigmas(said: _Said, settings: NavigationSettings) -> list[float]:
-    """(6,) standard deviations of what was said, in the order of COLUMNS; NaN for all else."""
-    column, named = ("x_m", said.kind) if said.kind else ("heading_deg", _COMPASS)
+def _sigmas(measurement: _Measurement, settings: NavigationSettings) -> list[float]:
+    """(6,) standard deviations of a measurement, in the order of COLUMNS; NaN where it has no value."""
+    column, named = ("x_m", measurement.kind) if measurement.kind else ("heading_deg", _COMPASS)
     sigma = settings.sigmas.get(column, np.nan)
     if np.isnan(sigma) and (usual := usual_of(column, [named])) is not None:
         sigma = usual[1]
-    return [np.nan, np.nan, *([np.nan, sigma, sigma] if said.kind else [sigma, np.nan, np.nan]), np.nan]
+    return [np.nan, np.nan, *([np.nan, sigma, sigma] if measurement.kind else [sigma, np.nan, np.nan]), np.nan]
 
 
-def _say_sigmas(path: Path, kept: Sequence[_Said], settings: NavigationSettings, notes: list[str]) -> None:
-    counts = Counter(said.kind for said in kept)
+def _say_sigmas(path: Path, kept: Sequence[_Measurement], settings: NavigationSettings, notes: list[str]) -> None:
+    counts = Counter(m.kind for m in kept)
     if counts.pop("", 0):
         notes.append(
             f"{path}: its headings have no time; they are placed by their lines, between the sentences with times"
@@ -227,13 +227,13 @@ def _say_sigmas(path: Path, kept: Sequence[_Said], settings: NavigationSettings,
             notes.append(f"{path}: {usual_note({'heading_deg': usual})}")
     if counts and "x_m" not in settings.sigmas:
         fixes = [(counts[kind], usual_of("x_m", [kind])) for kind in counts]
-        said = [f"{count} of {each[0]} ({each[1]:g} m)" for count, each in fixes if each]
-        notes.append(f"{path}: fixes by what the receiver says of them: {', '.join(said)}; --prior-sigmas gives others")
+        parts = [f"{count} of {each[0]} ({each[1]:g} m)" for count, each in fixes if each]
+        notes.append(f"{path}: fixes by their stated quality: {', '.join(parts)}; --prior-sigmas gives others")
 
 
 def _refuse_contradictions(path: Path, logs: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
-    """Refuse places, or headings, of two talkers that are not of one vehicle: at the times of one they differ by more
-    than their standard deviations allow, in the median. The logs are as of `_arrays`."""
+    """Refuse two talkers that cannot be on one vehicle: their positions or headings differ by more than
+    `_CONTRADICTED` standard deviations in the median. `logs`: {talker: result of `_arrays`}."""
     for (a, of_a), (b, (times, values, sigmas)) in combinations(logs.items(), 2):
         there, there_sigmas = at_scans(times, *of_a)
         off, sigma = there - values, np.hypot(there_sigmas, sigmas)
@@ -245,17 +245,17 @@ def _refuse_contradictions(path: Path, logs: Mapping[str, tuple[np.ndarray, np.n
             if both.any() and np.median(apart[both] / sigma[both, columns[0]]) > _CONTRADICTED:
                 raise InputError(
                     f"{path}: the {what} of its talkers {a} and {b} are {np.median(apart[both]):.3g} {unit} apart, in "
-                    f"the median of {both.sum()}, as those of two vehicles are; choose the talkers that count, as in "
+                    f"the median of {both.sum()}, as those of two vehicles are; choose the talkers to use, as in "
                     f"--nmea-talker {b} (several are separated by commas)"
                 )
 
 
 def _dates(timed: np.ndarray, path: Path, scans: np.ndarray, notes: list[str]) -> np.ndarray:
-    """(n,) UTC [s] of sentences (n, 3): line, second of the day, and Unix day where it says one."""
+    """(n,) UTC [s] of sentences (n, 3): line, second of the day, and Unix day or NaN."""
     of_day, days = timed[:, 1], timed[:, 2]
     known = np.flatnonzero(np.isfinite(days))
     if not len(known):
         return dated(of_day, scans, path, notes)
-    passed = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights
+    passed = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights so far
     last = np.maximum.accumulate(np.where(np.isfinite(days), np.arange(len(days)), known[0]))
     return of_day + DAY * (days[last] + passed - passed[last])

@@ -22,8 +22,7 @@ from sonarmap.tools.files.readers.navigation.time_offset import why_apart
 from sonarmap.tools.files.readers.selection import is_bag_folder, part_of_file
 from sonarmap.tools.files.readers.trajectory import poses_at
 
-# Poses this many times farther apart than usual leave a gap, in which nothing is known.
-_GAP = 10.0
+_GAP = 10.0  # ratio to the usual time between poses, from which on they are not interpolated
 
 
 def read_odometry(
@@ -34,11 +33,11 @@ def read_odometry(
     notes: list[str] | None = None,
     settings: NavigationSettings = AS_IT_SAYS,
 ) -> Odometry:
-    """Where dead reckoning has the scans, whose stamps are by the same clock.
+    """Dead reckoning interpolated to the stamps of the scans, which are by the same clock.
 
     Args:
-        path: a TUM file, a CSV file with a time and all columns of a priors file, all filled, or a ROS bag or MCAP
-            file, perhaps with ::TOPIC behind it.
+        path: a TUM file, a CSV file with times and all columns of a priors file, all filled, or a ROS bag or MCAP file,
+            optionally followed by ::TOPIC.
         drift: standard deviation of the distance, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
     """
@@ -49,7 +48,7 @@ def read_odometry(
     if len(stamps) < 2 or not (np.diff(stamps) > 0).all():
         pose = int(np.argmin(np.diff(stamps) > 0)) + 1 if len(stamps) > 1 else 0
         raise InputError(
-            f"{path}: wanted two poses or more with stamps that ascend; pose {pose} does not; sort its rows"
+            f"{path}: wanted two poses or more with ascending stamps; pose {pose} is out of order; sort its rows"
         )
     covered = _within(stamps, times)
     if covered.sum() < 2:
@@ -63,7 +62,7 @@ def read_odometry(
 
 
 def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """(N,) bool: which times lie between two poses that are not far apart, or at one."""
+    """(N,) bool: times at a pose, or between two poses without a gap."""
     after = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
     gap = stamps[after] - stamps[after - 1]
     inside = (times >= stamps[0]) & (times <= stamps[-1]) & (gap <= _GAP * np.median(np.diff(stamps)))
@@ -86,7 +85,7 @@ def _trajectory(path: Path, settings: NavigationSettings, stamps: np.ndarray, no
 def _read_log(
     path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]
 ) -> tuple[RigidTransform, np.ndarray]:
-    """Poses of the vehicle, and when."""
+    """Poses T_odom_vehicle and their times [s]."""
     log = read_navigation(path, settings, None, stamps, notes)
     missing = ["stamp"] * (log.key == "name")
     missing += [COLUMNS[k] for k in np.flatnonzero(np.isnan(log.values).all(axis=0)).tolist()]
@@ -102,7 +101,7 @@ def _read_log(
 
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:
-    """The share of the distance and the rotation per second [rad/s], from "percent,degrees per hour" of an option."""
+    """Parse an option's "PERCENT,DEGREES_PER_HOUR" to a share of the distance and a rotation [rad/s]."""
     try:
         percent, degrees = (float(part) for part in text.split(","))
     except ValueError:
@@ -115,15 +114,15 @@ def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, flo
 
 
 def turn_rates_of(files: Sequence[Path], scans: Sequence[Scan]) -> TurnRates | None:
-    """What the IMUs of all recordings among files measured; None where no file has one, or no scan has points with
-    times, which alone need them."""
+    """Turn rates of the IMUs of all recordings among `files`; None if no file has an IMU, or no scan has times for its
+    points, so that none needs them."""
     known = None if all(scan.times is None for scan in scans) else _turn_rates(files)
     return known if known is not None and len(known.times) > 1 else None
 
 
 def vertical_turn_rates(files: Sequence[Path]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Times (n,) [s], ascending, and turn rates about the sensor's z axis (n,) [rad/s], positive to the left, which are
-    those of the heading of a sensor that is about level; None where no file has an IMU."""
+    """Times (n,) [s], ascending, and turn rates about the sensor's z axis (n,) [rad/s], positive to the left, about
+    equal to those of the heading of a level sensor; None if no file has an IMU."""
     known = _turn_rates(files)
     return None if known is None else (known.times, known.rates[:, 2])
 

@@ -1,4 +1,4 @@
-"""A file of navigation, CSV, TUM or NMEA 0183, and what `sonarmap inspect` says of it."""
+"""Reading a navigation file (CSV, TUM or NMEA 0183), and its overview for `sonarmap inspect`."""
 
 import codecs
 import warnings
@@ -38,22 +38,22 @@ from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.files.time_scales import Clock, clock_of
 from sonarmap.tools.files.user_file import naming, reading, require_file
 
-_LOOKED_AT = 20_000  # bytes of a file's beginning that tell its kind
+_LOOKED_AT = 20_000  # bytes at a file's beginning from which its kind is recognized
 _TUM_NUMBERS = 8
 _TABLES = (".csv", ".txt", ".log", ".tsv")
 _POINT = {"x_m", "y_m", "z_m"}
 _ON_EARTH = {"lat_deg": 90.0, "lon_deg": 180.0}
-_DIGITS = 6  # decimals from which on a small range of meters looks like degrees
-_DEGREES_RANGE = 0.05  # [deg]: 5 km of latitude
-_ABOVE = 0.5  # [m]: depths in the median so far above the water have the wrong sign
-_GRID = 20_000.0  # [m] beyond which eastings and northings are a grid's
+_DIGITS = 6  # least number of decimals of coordinates that look like degrees
+_DEGREES_RANGE = 0.05  # [deg], about 5 km of latitude: coordinates in a smaller range look like degrees
+_ABOVE = 0.5  # [m]: depths whose median is farther above the water have the wrong sign
+_GRID = 20_000.0  # [m]: larger eastings and northings belong to a map grid
 
 
 def read_navigation(
     path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
-    """The rows of a file, which is told by its content. `sigmas`: {column of COLUMNS: standard deviation} where the
-    file has none; None where none is needed."""
+    """The rows of a file, whose kind is recognized by its content. `sigmas`: {column of COLUMNS: standard deviation}
+    for columns without one in the file; None if none is needed."""
     beginning = beginning_of(path)
     if SENTENCE.search(beginning):
         return read_nmea(path, settings, scans, notes)
@@ -66,7 +66,7 @@ def read_navigation(
 
 
 def beginning_of(path: Path) -> str:
-    """The first characters of a file, which tell its kind."""
+    """The first characters of a file, from which its kind is recognized."""
     require_file(path)
     with reading(path), path.open("rb") as file:
         content = file.read(_LOOKED_AT)
@@ -75,7 +75,7 @@ def beginning_of(path: Path) -> str:
 
 
 def _is_tum(beginning: str) -> bool:
-    """Whether the first line that is no comment is eight numbers between blanks."""
+    """Whether the first line that is not a comment has eight numbers separated by blanks."""
     lines = (line.strip() for line in beginning.splitlines())
     first = next((line for line in lines if line and not line.startswith("#")), "")
     try:
@@ -89,7 +89,7 @@ def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
     settings.refuse_unused(path, "is a TUM file", OF_TABLES + OF_NMEA, UP_FRAMES)
     trajectory = read_tum(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of scipy: looking straight up or down a rotation has many headings and rolls
+        warnings.simplefilter("ignore")  # of SciPy: heading and roll are ambiguous at a pitch of 90 degrees
         values = values_of(trajectory.T_world_sensor)
     keys = tuple(f"{stamp:.3f}" for stamp in trajectory.stamps.tolist())
     lines = np.arange(1, len(trajectory.stamps) + 1)
@@ -99,28 +99,28 @@ def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
 @dataclass(frozen=True, slots=True)
 class LogOverview:
     path: Path
-    log: NavigationLog  # as it is read
-    usable: NavigationLog  # without the rows that cannot be
-    faults: tuple[RowFault, ...]
-    clock: Clock | None  # of its rows in the file's order; None where rows have names
-    scans: int  # how many it is looked at beside
-    covered: dict[str, int]  # of how many of these it says something, by columns of COLUMNS
-    apart: str  # why it says nothing of any of them, in words; "" where it does, or there are none
+    log: NavigationLog  # all rows
+    usable: NavigationLog  # without faulty measurements
+    faults: tuple[RowFault, ...]  # the faulty measurements
+    clock: Clock | None  # of its rows in the file's order; None if rows have names
+    scans: int  # number of scans that it is compared with
+    covered: dict[str, int]  # by columns of COLUMNS, the number of these scans with a value
+    apart: str  # why no scan has a value, in words; "" if some have one, or there are no scans
     notes: tuple[str, ...]
 
     @property
     def ranges(self) -> dict[str, tuple[int, float, float, float]]:
-        """By columns of COLUMNS: in how many rows it is usable, the least, the median and the greatest."""
-        told: dict[str, tuple[int, float, float, float]] = {}
+        """By columns of COLUMNS: number of rows with a usable value, minimum, median and maximum."""
+        ranges: dict[str, tuple[int, float, float, float]] = {}
         for name, column in zip(COLUMNS, self.usable.values.T, strict=True):
             known = column[np.isfinite(column)]
             if len(known):
-                told[name] = len(known), float(known.min()), float(np.median(known)), float(known.max())
-        return told
+                ranges[name] = len(known), float(known.min()), float(np.median(known)), float(known.max())
+        return ranges
 
     @property
     def track(self) -> tuple[float, float, float] | None:
-        """The way along the usable places [m], and the median and greatest speed between them [m/s]; None without."""
+        """Length of the usable track [m], and its median and largest speed [m/s]; None without two positions."""
         known = np.isfinite(self.usable.values[:, 3:5]).all(axis=1) & np.isfinite(self.usable.times)
         order = np.argsort(self.usable.times[known], kind="stable")
         times, places = self.usable.times[known][order], self.usable.values[known, 3:5][order]
@@ -130,8 +130,8 @@ class LogOverview:
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file is a log of navigation and no cloud of points: NMEA, TUM, or a table with times or names beside
-    what instruments measure."""
+    """Whether a file is a navigation log and not a point cloud: NMEA, TUM, or a table with times or scan names and
+    columns of measurements."""
     if not path.is_file():
         return False
     if path.suffix.lower() == ".tum":
@@ -150,7 +150,7 @@ def is_log(path: Path) -> bool:
 
 
 def log_overview(path: Path, settings: NavigationSettings, stamps: np.ndarray) -> LogOverview:
-    """The log, beside scans at `stamps`, (N,) [s], of which there may be none."""
+    """The overview of a log, compared with scans at `stamps`, (N,) [s], N >= 0."""
     notes: list[str] = []
     log = read_navigation(path, settings, None, stamps, notes)
     log = replace(log, times=log.times + (settings.offset or 0.0))
@@ -158,8 +158,8 @@ def log_overview(path: Path, settings: NavigationSettings, stamps: np.ndarray) -
     is_series, covered, apart = log.key == "stamp", dict[str, int](), ""
     if is_series and len(stamps):
         values, _ = at_scans(stamps, usable.times, usable.values, usable.sigmas)
-        told = np.isfinite(values).sum(axis=0).tolist()
-        covered = {name: count for name, count in zip(COLUMNS, told, strict=True) if count}
+        counts = np.isfinite(values).sum(axis=0).tolist()
+        covered = {name: count for name, count in zip(COLUMNS, counts, strict=True) if count}
         apart = "" if covered else why_apart(log.times, stamps)
     clock = clock_of(log.times) if is_series else None
     return LogOverview(path, log, usable, tuple(faults), clock, len(stamps), covered, apart, tuple(notes))
@@ -167,12 +167,12 @@ def log_overview(path: Path, settings: NavigationSettings, stamps: np.ndarray) -
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """A file's rows by column: what is read of them is in `columns`."""
+    """The rows of a CSV file; `columns` are those that are used."""
 
     path: Path
     columns: Columns
     rows: Sequence[CsvRow]
-    cells: Mapping[str, list[str]]  # of each column that is read, for each row
+    cells: Mapping[str, list[str]]  # {quantity of a used column: its cell in each row}
 
     def where(self, row: int) -> str:
         return f"{self.path}: line {self.rows[row].line}"
@@ -181,11 +181,11 @@ class _Table:
 def read_table(
     path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
-    """The rows of a CSV file, as `read_navigation` has them."""
+    """The rows of a CSV file; arguments as of `read_navigation`."""
     raw = read_csv_table(path)
     with naming(raw.where()):
         columns = columns_of(raw.heading.cells, settings, sigmas)
-    for row in () if columns.is_own else raw.rows:  # in a log empty cells at the end do not count
+    for row in () if columns.is_own else raw.rows:  # extra empty cells at the end of a log's row are ignored
         while len(row.cells) > len(raw.heading.cells) and not row.cells[-1]:
             row.cells.pop()
     raw.require_even()
@@ -212,7 +212,7 @@ def read_table(
 
 
 def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tuple[np.ndarray, Georeference | None]:
-    """(n, 6) in the order, units and signs of COLUMNS, NaN where not measured; and where x and y count from."""
+    """(n, 6) values in the order, units and signs of COLUMNS, NaN where not measured; the georeference, if known."""
     values = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, names in enumerate(SOURCES):
         for name in names:
@@ -243,7 +243,7 @@ def _is_north_first(table: _Table, settings: NavigationSettings) -> bool:
 
 
 def _column(table: _Table, name: str) -> np.ndarray:
-    """(n,) of one column in the unit of its quantity, NaN where it says nothing."""
+    """(n,) values of one column in the unit of its quantity, NaN where its cell is empty."""
     cells, column = table.cells[name], table.columns.of[name]
     if name in _ON_EARTH:
         values = np.array([degrees(cell, name) for cell in cells])
@@ -264,7 +264,7 @@ def _column(table: _Table, name: str) -> np.ndarray:
 
 
 def _usable(table: _Table, name: str, values: np.ndarray, bad: np.ndarray, wanted: str) -> np.ndarray:
-    """The numbers of a column in the unit of its quantity, all of which an instrument may give."""
+    """Convert a column to the unit of its quantity; refuse `bad` cells and numbers that no instrument gives."""
     for row in np.flatnonzero(bad).tolist():
         raise refuse(table.where(row), table.columns.heading(name), table.cells[name][row], wanted)
     values, quantity = values * table.columns.of[name].factor, "heading_deg" if name == "yaw_deg" else name
@@ -276,7 +276,7 @@ def _usable(table: _Table, name: str, values: np.ndarray, bad: np.ndarray, wante
 
 
 def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
-    """(n, 6) standard deviations, NaN where the file has none."""
+    """(n, 6) standard deviations of the file or usual ones of its instruments, NaN where there is none."""
     sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, name in enumerate(SIGMA_COLUMNS):
         if name not in table.columns.of:
@@ -290,7 +290,7 @@ def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
 
 
 def _refuse_above_water(table: _Table, depths: np.ndarray) -> None:
-    """Refuse a log's depths that are upside down."""
+    """Refuse a log whose depths are mostly above the water."""
     known = depths[np.isfinite(depths)]
     if not table.columns.is_own and "depth_m" in table.columns.of and len(known) and np.median(known) < -_ABOVE:
         heading = table.columns.heading("depth_m")
@@ -301,7 +301,7 @@ def _refuse_above_water(table: _Table, depths: np.ndarray) -> None:
 
 
 def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigmas: Mapping[str, float] | None) -> None:
-    """Refuse what is measured without a standard deviation, and one of a pair alone."""
+    """Refuse a value without a standard deviation, or (drop it in a log) one of a pair without the other."""
     measured = np.isfinite(values)
     for k, name in enumerate(COLUMNS if sigmas is not None else ()):
         bare = measured[:, k] & np.isnan(deviations[:, k]) & (name not in (sigmas or {}))
@@ -322,7 +322,7 @@ def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigma
 
 
 def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
-    """Refuse coordinates in meters that look like degrees: of many decimals, and within a twentieth of each other."""
+    """Refuse coordinates in meters that look like degrees: with many decimals, and within a small range."""
     places = values[np.isfinite(values[:, 3:5]).all(axis=1), 3:5]
     if len(np.unique(places, axis=0)) < 3 or not (np.abs(places) <= [180, 90]).all():
         return
@@ -333,18 +333,18 @@ def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
     low, high = places.min(axis=0), places.max(axis=0)
     raise InputError(
         f"{table.path}: {table.columns.heading(names[0])} runs from {low[0]:g} to {high[0]:g} and "
-        f"{table.columns.heading(names[1])} from {low[1]:g} to {high[1]:g}, which look like degrees and are to be "
+        f"{table.columns.heading(names[1])} from {low[1]:g} to {high[1]:g}, which look like degrees, and should be "
         "meters; call them Longitude and Latitude, or, if they are meters, round them to millimeters"
     )
 
 
 def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
-    """Without a CRS eastings and northings are meters from an origin of their own, if they are small enough."""
+    """Refuse eastings and northings of a map grid without a CRS; small ones are meters from a local origin."""
     largest = np.nanmax(np.abs(values[:, 3:5]), initial=0.0)
     if largest > _GRID:
         both = " and ".join(table.columns.heading(name) for name in ("easting_m", "northing_m"))
         raise InputError(
-            f"{table.path}: {both} reach {largest:.0f} m, as those of a grid do, whose North is not true North; say "
+            f"{table.path}: {both} reach {largest:.0f} m, as in a map grid, whose North is not true North; say "
             "which grid, as in --nav-crs EPSG:32632"
         )
-    notes.append(f"{table.path}: eastings and northings are taken as meters from an origin of their own, by true North")
+    notes.append(f"{table.path}: eastings and northings are taken as meters from a local origin, by true North")

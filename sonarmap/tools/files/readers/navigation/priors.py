@@ -1,7 +1,7 @@
-"""Scans with what navigation measured of their poses: rows of a file matched to scans by name, stamp or time.
+"""Pose priors of scans from navigation files.
 
-A file has rows for the scans by their names, or at their stamps, or at times of its own. What it may hold is described
-in docs/navigation.md; `tools.files.readers.navigation.overview` tells the kinds of files apart.
+Rows of a file are assigned to scans by name or stamp, or interpolated to their stamps. docs/navigation.md describes the
+files; `tools.files.readers.navigation.overview` recognizes their kind.
 """
 
 from collections.abc import Sequence
@@ -34,8 +34,8 @@ class Navigated:
     """Scans with their priors.
 
     Attributes:
-        scans: as they were given, with priors where the file says something of them.
-        georeference: of the world's origin; None where neither the file nor the user says it.
+        scans: the given scans, with priors where a file has measurements.
+        georeference: of the world's origin; None if neither the files nor the user give it.
     """
 
     scans: tuple[Scan, ...]
@@ -49,8 +49,8 @@ class Navigated:
             "depth": [prior.knows_depth for prior in priors],
             "position": [prior.knows_position for prior in priors],
         }
-        said = ", ".join(f"{name} of {sum(of_scans)}" for name, of_scans in known.items() if any(of_scans))
-        return f"<Navigated {counted(len(self.scans), 'scan')}: {said or 'nothing measured'}>"
+        counts = ", ".join(f"{name} of {sum(of_scans)}" for name, of_scans in known.items() if any(of_scans))
+        return f"<Navigated {counted(len(self.scans), 'scan')}: {counts or 'nothing measured'}>"
 
 
 def navigate(
@@ -61,13 +61,13 @@ def navigate(
     notes: list[str] | None = None,
     turn_rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Navigated:
-    """The scans with their priors from one or several files of navigation; a scan of which they say nothing has none.
+    """Scans with priors from one or several navigation files; a scan without measurements has none.
 
     Args:
-        paths: the files. Each may say something else of a scan, or something of other scans.
-        allow_unknown: whether rows may belong to scans that are not among these.
+        paths: the files. They may measure different quantities, or different scans.
+        allow_unknown: whether rows of other scans are ignored; else they are refused.
         turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
-            which the offset of the navigation's clock is estimated if the settings ask for it.
+            which the offset of the navigation's clock is estimated if the settings' offset is None.
     """
     notes = [] if notes is None else notes
     paths = [paths] if isinstance(paths, Path) else paths
@@ -85,8 +85,8 @@ def navigate(
     for path, of_file in zip(paths, of_files, strict=True) if on_earth and settings.origin is None else ():
         if path not in on_earth and any(prior is not None and prior.knows_position for prior in of_file):
             raise InputError(
-                f"{on_earth[0]} has positions on the Earth, and those of {path} count from an origin that it does not "
-                "name; give that, --origin LAT,LON"
+                f"{on_earth[0]} has positions on the Earth, and those of {path} count from an unknown origin; give it "
+                "by --origin LAT,LON"
             )
     if origin is not None and (grid is not None or on_earth):
         priors = by_the_maps_north(priors, origin, grid)
@@ -104,8 +104,8 @@ def _of_scans(
     notes: list[str],
     turn_rates: tuple[np.ndarray, np.ndarray] | None,
 ) -> tuple[list[PosePrior | None], Georeference | None]:
-    """The priors of each scan by one file, of the vehicle if the sonar's mount is known; and where x and y count from,
-    None where the file does not say it."""
+    """Priors of the scans from one file, for the vehicle if the sonar's mount is given; and the georeference of the
+    origin of x and y, None if unknown."""
     stamps = np.array([scan.stamp for scan in scans], np.float64)
     log = read_navigation(path, settings, settings.sigmas, stamps, notes)
     offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
@@ -124,7 +124,7 @@ def _of_scans(
 def _merged(
     scans: Sequence[Scan], paths: Sequence[Path], of_files: Sequence[Sequence[PosePrior | None]]
 ) -> list[PosePrior | None]:
-    """The priors of all files together."""
+    """Combine the files' priors; refuse a value that two files give."""
     if len(of_files) == 1:
         return list(of_files[0])
     values, sigmas = np.full((2, len(paths), len(scans), 6), np.nan)
@@ -147,7 +147,7 @@ def _merged(
 def _estimated_offset(
     path: Path, log: NavigationLog, turn_rates: tuple[np.ndarray, np.ndarray] | None, notes: list[str]
 ) -> float:
-    """What has to be added to the navigation's times for its headings to turn as the sonar does [s]."""
+    """Offset to add to the navigation's times so that its headings turn when the sonar does [s]."""
     if turn_rates is None:
         raise InputError("--nav-offset auto needs the sonar's own turn rates, which the scans' files do not have")
     offset = estimate_offset(*heading_rates(log.times, log.values[:, 2]), *turn_rates)
@@ -159,8 +159,8 @@ def _estimated_offset(
 
 
 def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unknown: bool) -> list[PosePrior | None]:
-    """Of rows that are each for one scan."""
-    lines: dict[int, int] = {}  # of each scan, in the file
+    """Priors from rows that each belong to one scan."""
+    lines: dict[int, int] = {}  # {scan: line of its row}
     priors = [scan.prior for scan in scans]
     for row, line in enumerate(log.lines.tolist()):
         time, where = float(log.times[row]), f"{path}: line {line}"
@@ -179,13 +179,13 @@ def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unkn
 
 
 def _beyond(stamps: np.ndarray, log: NavigationLog) -> np.ndarray:
-    """(n,) bool: rows before the first scan or after the last, as a log has and a table of scans does not."""
+    """(n,) bool: rows before the first scan or after the last."""
     return (log.times < stamps.min() - SAME_STAMP) | (log.times > stamps.max() + SAME_STAMP)
 
 
 def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
-    """Whether rows have times of their own: some are beyond the scans, or they outnumber these, or more than half are
-    at no scan's time."""
+    """Whether rows are a log at its own times, and not one per scan: some are before or after all scans, they outnumber
+    the scans and some are at no scan's time, or more than half are at no scan's time."""
     sorted_stamps = np.sort(stamps)
     after = np.clip(np.searchsorted(sorted_stamps, log.times), 0, len(stamps) - 1)
     nearest = np.minimum(
@@ -197,7 +197,7 @@ def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
 
 
 def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list[str]) -> list[PosePrior | None]:
-    """Of rows at times of their own."""
+    """Priors from rows at their own times."""
     rows = log.measured
     values, sigmas = at_scans(stamps, log.times[rows], log.values[rows], log.sigmas[rows])
     measured = np.any(np.isfinite(values), axis=1)

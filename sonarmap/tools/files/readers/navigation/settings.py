@@ -1,4 +1,4 @@
-"""How a file of navigation is to be understood, as far as the file itself does not say: the sonar's mount too."""
+"""Settings for reading navigation: what the file itself does not say, and the sonar's mount on the vehicle."""
 
 import csv
 import math
@@ -19,20 +19,20 @@ from sonarmap.tools.files.readers.navigation.headings import QUANTITIES
 from sonarmap.tools.files.time_scales import TIME_SCALES, TimeScale
 
 NavFrame = Literal["frd", "ned", "flu", "enu"]
-# frd and ned are the two halves of one convention, the vehicle's and the world's; flu and enu those of the other
+# frd and ned name one convention by its vehicle or its world frame; flu and enu name the other one
 DOWN_FRAMES: tuple[NavFrame, ...] = ("frd", "ned")
 UP_FRAMES: tuple[NavFrame, ...] = ("flu", "enu")
 NAV_FRAMES = DOWN_FRAMES + UP_FRAMES
 OF_TABLES = ("--time-scale", "--nav-columns", "--nav-crs", "--nav-frame", "--magnetic-declination")
 OF_NMEA = ("--nmea-talker",)
 HEADING_REFERENCES = ("true", "grid")
-_MOST_OFFSET = 1e10  # [s]: more than 300 years
+_MAX_OFFSET = 1e10  # [s], more than 300 years
 _NOTHING: MappingProxyType[str, str] = MappingProxyType({})
 _NO_SIGMAS: Mapping[str, float] = MappingProxyType({})
-_LEVEL = 0.2  # [rad]: how far from level a vehicle is taken to be whose attitude nobody measured
-_MOST_TILT = 30.0  # [deg] of a mount beside an attitude that nobody measured
-_TURN = np.array([1.0, -1.0, -1.0])  # forward, right, down to forward, left, up, and back
-_ROUNDED = 5  # decimals of the origin's degrees: a meter
+_UNKNOWN_TILT = 0.2  # [rad], standard deviation of roll and pitch that were not measured
+_MAX_MOUNT_TILT = 30.0  # [deg], of a mount on a vehicle without measured roll and pitch
+_FRD_TO_FLU = np.array([1.0, -1.0, -1.0])  # forward, right, down to forward, left, up, and back
+_ROUNDED = 5  # decimals of the origin's degrees, about a meter
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,23 +41,24 @@ class Mount:
 
     @classmethod
     def of(cls, angles: np.ndarray, lever: np.ndarray, up: bool) -> "Mount":
-        """Of roll, pitch, heading (3,) [deg], turned in the order heading, pitch, roll, and the lever arm (3,) [m] from
-        the vehicle's point to the sonar, both along forward, starboard, down; with `up` along forward, left, up."""
-        signs = np.ones(3) if up else _TURN
+        """The mount with `angles` roll, pitch, heading (3,) [deg], applied in the order heading, pitch, roll, and the
+        `lever` arm (3,) [m] from the vehicle's reference point to the sonar, both in axes forward, starboard, down, or,
+        with `up`, forward, left, up."""
+        signs = np.ones(3) if up else _FRD_TO_FLU
         R_vehicle_sensor = Rotation.from_euler("ZYX", (angles * signs)[::-1], degrees=True)
         return cls(RigidTransform.from_components(lever * signs, R_vehicle_sensor))
 
     @property
     def tilt(self) -> float:
-        """Between the vehicle's vertical axis and the sonar's [rad]."""
+        """Angle between the vehicle's vertical axis and the sonar's [rad]."""
         up = self.T_vehicle_sensor.rotation.apply([0.0, 0.0, 1.0])
         return float(np.arctan2(np.hypot(up[0], up[1]), up[2]))
 
     def of_sensor(self, vehicle: PosePrior) -> PosePrior:
-        """The prior of the sonar: T_world_sensor = T_world_vehicle * T_vehicle_sensor. What is not known of the
-        rotation makes the place at the end of the lever arm less sure; without a heading the sonar's place is the
-        vehicle's, less sure by the arm's length."""
-        if vehicle.knows_heading and not vehicle.knows_attitude and np.degrees(self.tilt) > _MOST_TILT:
+        """The prior of the sonar: T_world_sensor = T_world_vehicle * T_vehicle_sensor. Errors of the rotation add to
+        those of the position at the end of the lever arm; without a heading the horizontal position is the vehicle's,
+        with the arm's length added to its error."""
+        if vehicle.knows_heading and not vehicle.knows_attitude and np.degrees(self.tilt) > _MAX_MOUNT_TILT:
             raise InputError(
                 f"the sonar is mounted at a tilt of {np.degrees(self.tilt):.0f} degrees, where a heading alone does "
                 "not say how it was turned; add columns of roll and pitch"
@@ -66,7 +67,7 @@ class Mount:
         R, arm = vehicle.T_world_sensor.rotation, self.T_vehicle_sensor.translation
         lever = R.apply(arm)
         flat, length = float(np.hypot(lever[0], lever[1])), float(np.linalg.norm(lever))
-        tilt = float(vehicle.sigmas[:2].max()) if vehicle.knows_attitude else _LEVEL
+        tilt = float(vehicle.sigmas[:2].max()) if vehicle.knows_attitude else _UNKNOWN_TILT
         sigmas, place = vehicle.sigmas.copy(), T_world_sensor.translation.copy()
         sigmas[3:5] = np.hypot(sigmas[3:5], abs(float(lever[2])) * tilt)
         sigmas[5] = np.hypot(sigmas[5], flat * tilt)
@@ -74,7 +75,7 @@ class Mount:
         sigmas[3:5] = np.hypot(sigmas[3:5], off)
         if not vehicle.knows_heading:
             place[:2] = vehicle.T_world_sensor.translation[:2]
-        sigmas[:2] = sigmas[:2].max()  # a sonar that looks sideways has its roll where the vehicle's pitch is
+        sigmas[:2] = sigmas[:2].max()  # the vehicle's pitch is the roll of a sonar that looks sideways
         return PosePrior(RigidTransform.from_components(place, T_world_sensor.rotation), sigmas)
 
 
@@ -82,24 +83,23 @@ class Mount:
 class NavigationSettings:
     """How to read navigation; the defaults suit a file with the columns and signs of docs/navigation.md."""
 
-    # {quantity: the heading of its column}, where the headings do not say it
+    # {quantity: the heading of its column}, for headings that are not recognized
     columns: MappingProxyType[str, str] = field(default_factory=lambda: _NOTHING)
-    time_scale: TimeScale | None = None  # of times that do not name their zone; None for UTC, and GPS time for weeks
-    offset: float | None = 0.0  # to be added to its times [s]; None to have it estimated from turn rates
+    time_scale: TimeScale | None = None  # of times without a zone; None for UTC, or GPS time with GPS weeks
+    offset: float | None = 0.0  # added to the file's times [s]; None to estimate it from turn rates
     crs: str | None = None  # of eastings and northings, as EPSG:32632
-    origin: Georeference | None = None  # of the map's frame; None for the first fix, if the file has any on the Earth
+    origin: Georeference | None = None  # of the map's frame; None for the first fix, if the file has geographic ones
     heading_reference: str = "true"  # "true" or "grid" (the North of `crs`, or of the UTM zone)
-    declination: float | None = None  # to be added to magnetic headings [deg], East positive; None where they are not
-    # of NAV_FRAMES, the convention of roll, pitch, yaw and of x, y, z; None for headings, pitch nose up, and no yaw and
-    # no z
+    declination: float | None = None  # added to magnetic headings [deg], East positive; None if they are not magnetic
+    # convention of roll, pitch, yaw and of x, y, z, one of NAV_FRAMES; None for compass headings and pitch nose up,
+    # where a yaw or z is refused
     frame: NavFrame | None = None
     mount: Mount | None = None  # of the sonar on the vehicle
-    # {column of `tools.files.readers.instruments.COLUMNS`: standard deviation}, of priors where the file has none
+    # {column of `tools.files.readers.instruments.COLUMNS`: standard deviation [deg, m]}, for columns without one
     sigmas: Mapping[str, float] = field(default_factory=lambda: _NO_SIGMAS)
-    fastest: float = math.inf  # that the vehicle goes [m/s]; rows that ask for more are left out
-    talkers: tuple[str, ...] = ()  # of NMEA sentences, whose places and headings count, as "GP"; empty for all
-    # whether they are of several files, of some of which they may say nothing
-    are_shared: bool = False
+    fastest: float = math.inf  # largest speed of the vehicle [m/s]; rows that need a higher one are left out
+    talkers: tuple[str, ...] = ()  # of the NMEA sentences to use, as "GP"; empty for all
+    are_shared: bool = False  # whether they are for several files; then a setting may be unused by some of them
 
     def __post_init__(self) -> None:
         _require_one_of("--time-scale", self.time_scale, TIME_SCALES)
@@ -110,8 +110,8 @@ class NavigationSettings:
                 "--magnetic-declination DEG (East positive) and leave --heading-reference out"
             )
         _require_one_of("--heading-reference", self.heading_reference, HEADING_REFERENCES)
-        if self.offset is not None and not abs(self.offset) <= _MOST_OFFSET:
-            raise InputError(f"--nav-offset is {self.offset:g}; wanted seconds within {_MOST_OFFSET:g}")
+        if self.offset is not None and not abs(self.offset) <= _MAX_OFFSET:
+            raise InputError(f"--nav-offset is {self.offset:g}; wanted seconds within {_MAX_OFFSET:g}")
         if self.declination is None:
             return
         if not abs(self.declination) <= 180:
@@ -120,19 +120,19 @@ class NavigationSettings:
             )
         if self.heading_reference == "grid":
             raise InputError(
-                "--magnetic-declination is of magnetic headings, not of grid headings; give only one of both"
+                "--magnetic-declination is for magnetic headings, not for grid headings; give only one of both"
             )
 
     @property
     def points_up(self) -> bool:
-        """Whether its axes are forward, left, up in East, North, Up: pitch nose down, yaw from East to North."""
+        """Whether the axes are forward, left, up in East, North, Up: pitch nose down, yaw from East to North."""
         return self.frame in UP_FRAMES
 
     def refuse_unused(
         self, path: Path, kind: str, unused: Sequence[str] = OF_TABLES, frames: tuple[NavFrame, ...] = NAV_FRAMES
     ) -> None:
-        """Refuse the options `unused`, which say nothing of a file of this kind, in words, whose frame may be one of
-        `frames`."""
+        """Refuse the options `unused`, and frames other than `frames`, which have no effect on a file of this kind.
+        `kind`: in words, for the message."""
         for option, given in (
             ("--time-scale", self.time_scale not in (None, "utc")),
             ("--nav-columns", bool(self.columns)),
@@ -154,8 +154,8 @@ AS_IT_SAYS = NavigationSettings()
 
 
 def parse_columns(text: str) -> MappingProxyType[str, str]:
-    """{quantity: heading} of "depth_m=KP_DEPTH,heading_deg=Gyro"; a part with a comma in its heading is quoted; of an
-    empty text none."""
+    """Parse "depth_m=KP_DEPTH,heading_deg=Gyro" to {quantity: heading}; a part with a comma in its heading is quoted;
+    an empty text gives an empty mapping."""
     mapped: dict[str, str] = {}
     for part in next(csv.reader([text]), ()):
         quantity, equals, heading = (piece.strip() for piece in part.partition("="))
@@ -170,7 +170,7 @@ def parse_columns(text: str) -> MappingProxyType[str, str]:
 
 
 def parse_talkers(text: str) -> tuple[str, ...]:
-    """The talkers of "GP,HE"."""
+    """Parse "GP,HE" to talkers."""
     talkers = tuple(part.strip().upper() for part in text.split(","))
     if not all(re.fullmatch("[A-Z]{2}", talker) for talker in talkers):
         raise InputError(f"--nmea-talker is {text!r}; wanted the two letters behind the $, as in --nmea-talker GP,HE")
@@ -178,7 +178,7 @@ def parse_talkers(text: str) -> tuple[str, ...]:
 
 
 def parse_mount(text: str, frame: NavFrame | None = None) -> Mount:
-    """The mount of "ROLL,PITCH,HEADING[,X,Y,Z]" [deg, m], in the signs of the vehicle's frame."""
+    """Parse "ROLL,PITCH,HEADING[,X,Y,Z]" [deg, m], with the signs of `frame`, to a mount."""
     try:
         numbers = np.array([float(part) for part in text.split(",")])
     except ValueError:
@@ -195,8 +195,8 @@ def parse_mount(text: str, frame: NavFrame | None = None) -> Mount:
 def local_places(
     values: np.ndarray, are_degrees: bool, settings: NavigationSettings, notes: list[str]
 ) -> tuple[np.ndarray, Georeference]:
-    """Rows with x East and y North of the map's origin, and where that is. `values`: (n, 6) in the order of COLUMNS,
-    with longitude and latitude [deg] (`are_degrees`) or easting and northing [m] in place of x and y."""
+    """The rows with x East and y North of the map's origin, and the georeference of the origin. `values`: (n, 6) in the
+    order of COLUMNS, with longitude and latitude [deg] (`are_degrees`) or easting and northing [m] for x and y."""
     values = values.copy()
     known = np.isfinite(values[:, 3:5]).all(axis=1)
     if are_degrees:
@@ -209,7 +209,7 @@ def local_places(
         raise InputError(
             "no row has a place; wanted a latitude and longitude, or an easting and northing, in some rows"
         )
-    # what is East and North at the vehicle's depth; where none is known, at the surface
+    # East and North at the vehicle's depth; at the surface where no depth is known
     heights = -np.nan_to_num(values[known, 5])
     geodetic = np.column_stack([values[known, 4], values[known, 3], heights])
     if not are_degrees:
@@ -227,14 +227,14 @@ def local_places(
 
 
 def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georeference:
-    """An origin at the first of places (n, 3), which are of `what`, rounded; a note says so."""
+    """An origin at the first of (n, 3) latitudes, longitudes [deg] and heights, rounded; a note calls it a `what`."""
     latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
     notes.append(f"the map's origin is the first {what}, rounded: {latitude:.5f}, {longitude:.5f}")
     return Georeference(latitude, longitude)
 
 
 def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> Projection:
-    """The grid that headings are by."""
+    """The projection whose grid North headings count from."""
     if georeference is None:
         raise InputError(
             "--heading-reference grid: the grid's North depends on the place; give --origin, or navigation with places "
@@ -246,8 +246,8 @@ def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> 
 def by_the_maps_north(
     priors: Sequence[PosePrior | None], georeference: Georeference, grid: Projection | None
 ) -> list[PosePrior | None]:
-    """Priors of a vehicle with headings by the North of the map's origin, where they were by that of their own places.
-    The place of a prior that has none is taken to be the origin; `grid` is what headings are by, None for true
+    """Turn headings that count from the North at each prior's position to the North at the map's origin. A prior
+    without a position is taken to be at the origin. `grid`: projection whose North headings count from; None for true
     North."""
     changed = list(priors)
     headed = [(k, prior) for k, prior in enumerate(priors) if prior is not None and prior.knows_heading]

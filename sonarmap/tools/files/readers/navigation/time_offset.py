@@ -1,4 +1,4 @@
-"""By how much two clocks differ, from turn rates that were measured by either; and why navigation misses the scans."""
+"""Offset between two clocks from turn rates that both recorded, and why navigation may miss the scans."""
 
 from dataclasses import dataclass
 
@@ -7,32 +7,32 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.time_scales import GPS_EPOCH, tai_minus_utc, utc
 
-_FINEST = 0.02  # [s] of the grid on which both are compared
-_LEAST_TIME = 20.0  # [s] that both have to have in common
-_LEAST_CORRELATION = 0.5
-_RIVAL = 0.8  # another offset is as good from this share of the best correlation on
-_GAP = 1.0  # [s]: between samples farther apart nothing is known, or 5 usual steps where these are longer
-_WIDTHS = (1.0, 2.0)  # [s] of averages
-_MOST_STEPS = 2_000_000  # of the grid, which take 200 MB
-_WORST_SIGMA = 0.035  # [s], for 0.1 s to be three of them
-_BLOCK = 5.0  # [s] within which errors may be alike
-_ON_EARTH = 1e8  # smaller numbers are no date [s, Unix]
-_MOST_ZONE = 14  # hours that a local clock is ahead of UTC
+_MIN_STEP = 0.02  # [s], of the grid on which the rates are compared
+_MIN_TIME = 20.0  # [s], common to both series
+_MIN_CORRELATION = 0.5
+_RIVAL = 0.8  # share of the best correlation from which on another offset makes the result ambiguous
+_GAP = 1.0  # [s], longest gap that is interpolated, or 5 usual steps if these are longer
+_WIDTHS = (1.0, 2.0)  # [s], of moving averages
+_MAX_STEPS = 2_000_000  # of the grid, which take 200 MB
+_MAX_SIGMA = 0.035  # [s], so that 0.1 s are three sigmas
+_BLOCK = 5.0  # [s], duration within which errors may be correlated
+_ON_EARTH = 1e8  # [s, Unix]: smaller stamps are not dates
+_MAX_ZONE = 14  # [h], difference of a local clock from UTC
 _DAY = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
 class TimeOffset:
-    """Between two clocks."""
+    """Offset between two clocks."""
 
-    seconds: float  # to be added to the times by the first clock to have them by the second
+    seconds: float  # to add to times of the first clock to get those of the second
     sigma: float  # its standard deviation [s]
-    correlation: float  # of the rates, -1..1
+    correlation: float  # of the turn rates at this offset, -1..1
 
 
 def heading_rates(times: np.ndarray, headings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Turn rates of compass headings (n,) [deg], NaN where there is none, at times (n,) [s] in any order: (m,) times
-    [s] and rates [rad/s], positive to the left, as about the vertical. Several rows at one time count once."""
+    """Turn rates from compass headings (n,) [deg], NaN if missing, at times (n,) [s] in any order: (m,) times [s] and
+    rates about the vertical [rad/s], positive to the left. Of several rows at one time the first counts."""
     known = np.isfinite(headings)
     times, first = np.unique(times[known], return_index=True)
     angles = -np.unwrap(np.radians(headings[known][first]))
@@ -44,23 +44,23 @@ def heading_rates(times: np.ndarray, headings: np.ndarray) -> tuple[np.ndarray, 
 def estimate_offset(
     times_a: np.ndarray, rates_a: np.ndarray, times_b: np.ndarray, rates_b: np.ndarray, most: float = 60.0
 ) -> TimeOffset:
-    """The offset between two clocks that makes the turn rates agree: these are averaged over some seconds and
-    correlated at all offsets, and the peak is interpolated. Of several lengths of the average the surest counts. The
-    standard deviation is that of the correlation's derivative, from its spread over blocks of time, over its second
-    derivative.
+    """Estimate the offset between two clocks that makes turn rates agree. The rates are averaged over each of `_WIDTHS`
+    and correlated at all offsets, the peak is interpolated, and the width with the smallest standard deviation counts.
+    The standard deviation is that of the correlation's derivative, from its spread over blocks of time, divided by the
+    second derivative.
 
     Args:
         times_a, times_b: (n,), (m,) by the first and the second clock [s], ascending.
         rates_a, rates_b: (n,), (m,) turn rates about the same axis [rad/s]; their scales and means do not matter.
-        most: the largest offset that is looked for [s].
+        most: largest offset [s].
     """
     for times in (times_a, times_b):
         if len(times) < 3 or not (np.diff(times) > 0).all() or not np.isfinite(times).all():
-            raise _refused("wanted three turn rates or more, at times that ascend")
+            raise _refused("wanted three turn rates or more, at ascending times")
     usual = max(float(np.median(np.diff(times))) for times in (times_a, times_b))
     span = max(times_a[-1], times_b[-1]) - min(times_a[0], times_b[0])
-    step = max(_FINEST, usual / 2, min(span / _MOST_STEPS, _WIDTHS[0] / 4))  # coarser for dives of days
-    if span > _MOST_STEPS * step:
+    step = max(_MIN_STEP, usual / 2, min(span / _MAX_STEPS, _WIDTHS[0] / 4))  # coarser for dives of days
+    if span > _MAX_STEPS * step:
         raise _refused(f"the two span {span / 86400:.0f} days, or have a jump; wanted times of one dive")
     reasons: list[InputError] = []
     estimates: list[TimeOffset] = []
@@ -72,8 +72,8 @@ def estimate_offset(
     if not estimates:
         raise reasons[0]
     best = min(estimates, key=lambda estimate: estimate.sigma)
-    if best.sigma > _WORST_SIGMA:
-        raise _refused(f"the turn rates fix it to {best.sigma:.2f} s only")
+    if best.sigma > _MAX_SIGMA:
+        raise _refused(f"its standard deviation would be {best.sigma:.2f} s; wanted {_MAX_SIGMA:g} s at most")
     return best
 
 
@@ -81,16 +81,16 @@ _Rates = tuple[np.ndarray, np.ndarray]  # times [s] and rates
 
 
 def _estimate(of_a: _Rates, of_b: _Rates, step: float, width: float, most: float) -> TimeOffset:
-    """The offset by averages over `width` on a grid of `step` [s]."""
+    """The offset from rates averaged over `width` [s] on a grid of `step` [s]."""
     start = min(of_a[0][0], of_b[0][0])
     a, known_a = _on_grid(of_a[0] - start, of_a[1], step, width)
     b, known_b = _on_grid(of_b[0] - start, of_b[1], step, width)
-    lags, correlations = _correlations(a, known_a, b, known_b, round(most / step), _LEAST_TIME / step)
+    lags, correlations = _correlations(a, known_a, b, known_b, round(most / step), _MIN_TIME / step)
     best = int(np.argmax(correlations))
     highest = float(correlations[best])
     if not np.isfinite(highest):
-        raise _refused(f"they have less than {_LEAST_TIME:g} s in common, or one of them does not turn")
-    if highest < _LEAST_CORRELATION:
+        raise _refused(f"they have less than {_MIN_TIME:g} s in common, or one of them does not turn")
+    if highest < _MIN_CORRELATION:
         raise _refused(f"the turn rates agree at no offset (the highest correlation is {highest:.2f})")
     if best in (0, len(lags) - 1):
         raise _refused(f"they agree best at {lags[best] * step:.1f} s, the limit")
@@ -111,27 +111,27 @@ def _estimate(of_a: _Rates, of_b: _Rates, step: float, width: float, most: float
 
 
 def _sigma(a: np.ndarray, b: np.ndarray, known: np.ndarray, step: float, width: float) -> float:
-    """[s] of the offset at which rates (n,) on one grid of `step` [s], moved to agree, averaged over `width` [s] and
-    `known` in both, agree."""
+    """Standard deviation of the offset [s], from rates `a`, `b` (n,) averaged over `width` [s] on one grid of `step`
+    [s], with the offset applied; `known` (n,) bool in both."""
     a, b = (np.where(known, x - x[known].mean(), 0.0) for x in (a, b))
     slope_a, slope_b = (np.where(known, np.gradient(x, step), 0.0) for x in (a, b))
-    # the derivative of the correlation, of which what both share is 0 in every block; its errors are not
+    # derivative of the correlation: the common signal cancels in every block, errors do not
     pulls = (a * slope_b - slope_a * b) / 2
     of_block = np.arange(len(a)) // max(round(max(_BLOCK, 3 * width) / step), 1)
     blocks = max(len(np.unique(of_block[known])), 2)
     spread = np.sqrt((np.bincount(of_block, pulls) ** 2).sum() * blocks / (blocks - 1))
-    bend = float(slope_a @ slope_b)  # of errors that are independent the mean is 0
+    bend = float(slope_a @ slope_b)  # independent errors have a mean of 0 here
     if bend <= 0:
         return np.inf
-    # and as of white noise, which takes all that is left at once: blocks are few
+    # also from all residuals as white noise, as there may be few blocks
     scale = np.sqrt(float(b @ b) / float(a @ a))
-    left = float(((b - scale * a) ** 2).sum())
-    white = np.sqrt(left * scale * width / (step * bend * scale**2 * max(known.sum(), 1))) if scale > 0 else np.inf
-    return float(max(spread / bend, white)) + _FINEST / 2
+    residual = float(((b - scale * a) ** 2).sum())
+    white = np.sqrt(residual * scale * width / (step * bend * scale**2 * max(known.sum(), 1))) if scale > 0 else np.inf
+    return float(max(spread / bend, white)) + _MIN_STEP / 2
 
 
 def _lobe(correlations: np.ndarray, best: int) -> int:
-    """How far the peak reaches: to where the correlation rises again, below half of the peak."""
+    """Half width of the peak [steps]: to the farther side's first lag below half of the peak."""
     reach = 1
     half = correlations[best] / 2
     for side in (correlations[best::-1], correlations[best:]):
@@ -141,7 +141,7 @@ def _lobe(correlations: np.ndarray, best: int) -> int:
 
 
 def _on_grid(times: np.ndarray, rates: np.ndarray, step: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rates at 0, step, 2 step, ..., averaged over `width`, and which of them are known."""
+    """Rates at 0, step, 2 step, ..., averaged over `width`, and 1.0 where they are known, else 0.0."""
     at = np.arange(0.0, times[-1] + step, step)
     total = np.concatenate([[0.0], np.cumsum((rates[1:] + rates[:-1]) / 2 * np.diff(times))])
     mean = (np.interp(at + width / 2, times, total) - np.interp(at - width / 2, times, total)) / width
@@ -154,8 +154,8 @@ def _on_grid(times: np.ndarray, rates: np.ndarray, step: float, width: float) ->
 def _correlations(
     a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray, most: int, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lags from -most to most, and Pearson's correlation of a, moved by each, with b, where both are known; -inf where
-    too little is known or nothing changes."""
+    """Lags from -most to most, and Pearson's correlation of `a` moved by each lag with `b`, where both are known; -inf
+    if less than `least` samples are known or one of them is constant."""
     a = a - known_a * (a.sum() / max(known_a.sum(), 1.0))
     b = b - known_b * (b.sum() / max(known_b.sum(), 1.0))
     size = 1 << (len(a) + len(b) + most).bit_length()
@@ -184,7 +184,7 @@ def _refused(reason: str) -> InputError:
 
 
 def why_apart(times: np.ndarray, stamps: np.ndarray) -> str:
-    """Both spans, how far apart they are, and what may have happened. `times`: (n,) of the navigation [s]."""
+    """Why no row is near a scan, in words: both spans, the gap and a likely cause. `times`: (n,) of the rows [s]."""
     first, last, start, end = (float(f(x)) for x in (times, stamps) for f in (np.min, np.max))
     gap = start - last if start > last else first - end
     apart = f"{gap:.3f} s apart" if gap > 0 else "and no two rows around a scan are at most 5 s apart"
@@ -200,11 +200,11 @@ def _when(stamp: float) -> str:
 
 
 def _cause(times: np.ndarray, stamps: np.ndarray) -> str:
-    """The change of the navigation's times that brings most scans into its span, in words."""
+    """The clock error, in words, whose correction brings most scans into the span of the navigation."""
     if stamps.max() < _ON_EARTH < times.max():
         return "; the scans are numbered, and have no times: use a column name instead of the times"
     if times.max() < _ON_EARTH < stamps.min():
-        return "; the navigation's clock counts from a start of its own: add it by --nav-offset"
+        return "; the navigation's clock does not count from 1970: add its start by --nav-offset"
     leap = float(tai_minus_utc(stamps.min(keepdims=True))[0])
     gps = GPS_EPOCH - (leap - 19)
     causes = [
@@ -213,8 +213,8 @@ def _cause(times: np.ndarray, stamps: np.ndarray) -> str:
         (gps, "in seconds since 1980, as GPS counts them: --time-scale gps"),
         (1e9 + gps, f"in GPS seconds less 1e9, as LAS files have: --nav-offset={1e9 + gps:.0f}"),
     ]
-    # whole hours before the others, and near ones before far ones
-    for q in sorted(range(-4 * _MOST_ZONE, 4 * _MOST_ZONE + 1), key=lambda q: (q % 4 != 0, abs(q))):
+    # whole hours first, and small offsets first
+    for q in sorted(range(-4 * _MAX_ZONE, 4 * _MAX_ZONE + 1), key=lambda q: (q % 4 != 0, abs(q))):
         if q:
             side = "behind" if q > 0 else "ahead of"
             causes.append((900.0 * q, f"in local time, {abs(q) / 4:g} h {side} UTC: --nav-offset={900 * q}"))

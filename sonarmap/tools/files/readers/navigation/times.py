@@ -1,4 +1,4 @@
-"""The times of a file's rows: ISO 8601, dates and times of day, Unix, GPS time and TAI, in UTC."""
+"""Conversion of a file's times to UTC: ISO 8601, dates and times of day, Unix, GPS time and TAI."""
 
 import re
 from collections.abc import Sequence
@@ -13,36 +13,36 @@ from sonarmap.tools.files.readers.instruments import LARGEST_STAMP
 from sonarmap.tools.files.readers.navigation.headings import GPS_NAMES, Column, zone_of
 from sonarmap.tools.files.time_scales import TAI_GPS, WEEK, TimeScale, utc_of_gps, utc_of_tai
 
-# Seconds since 1970 are below the first number until the year 5138, milliseconds above it since 1973, and so on
+# Largest stamp in a unit, and the unit [s]: seconds since 1970 are below 1e11 until 5138, milliseconds above since 1973
 _SIZES = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
-_ON_EARTH = 1e8  # smaller numbers are a clock of their own, not a date [s]
+_ON_EARTH = 1e8  # [s]: smaller stamps are not dates but of a clock with its own start
 DAY = 86_400.0
 _ROLLOVER = 1024  # weeks after which receivers count from 0 again
 _TIME = re.compile(r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,](\d+))?)?\s*(?:([ap])\.?m\.?)?", re.IGNORECASE)
 _DIGITS = re.compile(r"(\d\d)(\d\d)(\d\d)(\.\d*)?")
 _DATE = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})")
 _AT = re.compile(r"(\S*[^\sT])[T\s]+(\d{1,2}:.*)")
-_ZONE_BEHIND = re.compile(r"(?<!\s)\s*(?:UTC|GMT)$")  # looked for once in a run of blanks, not at each of them
+_ZONE_BEHIND = re.compile(r"(?<!\s)\s*(?:UTC|GMT)$")  # the lookbehind keeps a run of blanks linear
 
 
 @dataclass(frozen=True, slots=True)
 class TimeCells:
-    """What a file says of its rows' times."""
+    """The cells of a file's columns of times, one per row."""
 
     path: object  # of the file, for messages
-    lines: np.ndarray  # of the rows
-    stamps: Sequence[str]  # a cell for each row
-    column: Column  # theirs
-    dates: Sequence[str] | None = None  # dates, weeks: cells of a date, or of a GPS week, for each row; None without
-    weeks: Sequence[str] | None = None
+    lines: np.ndarray  # (n,) line numbers of the rows
+    stamps: Sequence[str]
+    column: Column  # of the stamps
+    dates: Sequence[str] | None = None  # None without a column of dates
+    weeks: Sequence[str] | None = None  # GPS weeks; None without such a column
 
     def refuse(self, row: int, wanted: str) -> InputError:
         return refuse(f"{self.path}: line {self.lines[row]}", f"the {self.column.heading}", self.stamps[row], wanted)
 
 
 def times_of(cells: TimeCells, scale: TimeScale | None, scans: np.ndarray, notes: list[str]) -> np.ndarray:
-    """(n,) UTC [s] of the rows. `scale`: of the user; None for UTC, and GPS time where there are weeks. `scans`: (N,)
-    stamps of the scans [s], for times without a date."""
+    """(n,) UTC [s] of the rows. `scale`: the user's choice; None for UTC, or GPS time if there are GPS weeks. `scans`:
+    (N,) stamps of the scans [s], for times without a date."""
     if cells.column.word in GPS_NAMES and scale is None and cells.weeks is None:
         raise InputError(
             f"{cells.path}: {cells.column.heading!r} may be GPS time, or the UTC that a GPS receiver gives; say which, "
@@ -59,7 +59,7 @@ def times_of(cells: TimeCells, scale: TimeScale | None, scans: np.ndarray, notes
 
 
 def _of_numbers(cells: TimeCells, values: np.ndarray, scale: TimeScale | None, scans: np.ndarray) -> np.ndarray:
-    """Seconds, or milli-, micro- and nanoseconds by their size, since 1970, or since 1980 as GPS counts."""
+    """UTC [s] of numbers since 1970, or 1980 for GPS, in seconds or, by their size, in milli-, micro-, nanoseconds."""
     if (np.abs(values) > LARGEST_STAMP).any():
         raise cells.refuse(int(np.argmax(np.abs(values))), "finite seconds")
     factor = cells.column.factor
@@ -85,14 +85,12 @@ def _of_weeks(cells: TimeCells, values: np.ndarray, weeks: Sequence[str], scale:
         raise cells.refuse(row, f"seconds from 0 to {WEEK:.0f} in a GPS week, a whole number (here {week})")
     for row in np.flatnonzero((numbers < _ROLLOVER) | (numbers > 10_000)).tolist():
         week = repr(weeks[row][:20])
-        raise cells.refuse(
-            row, f"weeks counted from 1980 on, of four digits, not {week}, which begins again every 1024"
-        )
+        raise cells.refuse(row, f"weeks counted from 1980 on, of four digits, not {week}, which restarts every 1024")
     return utc_of_gps(numbers * WEEK + seconds)
 
 
 def _of_calendar(cells: TimeCells, scale: TimeScale, scans: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Dates and times of day in any of the usual forms."""
+    """UTC [s] of dates and times of day in any of the usual forms."""
     texts = list(cells.stamps)
     if cells.dates is not None:
         texts = [f"{day} {time}" if day and time else "" for day, time in zip(cells.dates, texts, strict=True)]
@@ -109,7 +107,7 @@ def _of_calendar(cells: TimeCells, scale: TimeScale, scans: np.ndarray, notes: l
             raise cells.refuse(row, "finite seconds, or a time as 2026-07-01T09:30:00Z")
         elif moment.tzinfo is not None:
             if scale != "utc":
-                raise cells.refuse(row, f"no zone beside --time-scale {scale}, as a zone says that it is UTC")
+                raise cells.refuse(row, f"no zone with --time-scale {scale}, as times with a zone are UTC")
             times[row] = moment.timestamp()
         else:
             times[row] = moment.replace(tzinfo=UTC).timestamp() - (ahead or 0.0)
@@ -180,10 +178,10 @@ def time_of_day(text: str) -> float | None:
 
 
 def dated(of_day: np.ndarray, scans: np.ndarray, path: object, notes: list[str]) -> np.ndarray:
-    """(n,) times [s] of seconds of the day in the file's order, on the day on which they are nearest to the scans."""
+    """(n,) times [s] of seconds of the day, in the file's order, on the day that brings them nearest to the scans."""
     if not len(scans) or np.median(scans) < _ON_EARTH:
         raise InputError(f"{path}: its times have no date, and neither have the scans; add a column of dates")
-    days = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnight passes
+    days = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights so far
     times = of_day + days * DAY
     middle = (float(scans.min()) + float(scans.max())) / 2
     day = np.round((middle - (times.min() + times.max()) / 2) / DAY)

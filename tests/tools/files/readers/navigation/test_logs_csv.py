@@ -66,7 +66,7 @@ class TestHeadings:
         assert [column_of(0, heading) for heading in UNUSED] == [None] * len(UNUSED)
 
     @pytest.mark.parametrize(
-        ("heading", "words"), [("Depth (fathoms)", "fathoms"), ("Roll (m)", "'m'"), ("Easting (ft)", "two kinds")]
+        ("heading", "words"), [("Depth (fathoms)", "fathoms"), ("Roll (m)", "'m'"), ("Easting (ft)", "international")]
     )
     def test_units_that_cannot_be(self, heading: str, words: str) -> None:
         refuses(words, column_of, 0, heading)
@@ -107,7 +107,7 @@ class TestLogs:
         values, *_ = read(path, "Time,depth_m,altitude_m\n" + rows("3", "9"))
         np.testing.assert_allclose(values[:, 5], 3)
         refused(path, "stamp,depth_m,altitude_m\n" + rows("3", "9"), "unknown column 'altitude_m'", "--nav-columns")
-        refused(path, "Time,Depth,rol_deg,pitch_deg\n" + rows("3", "9", "1"), "nearly called roll_deg")
+        refused(path, "Time,Depth,rol_deg,pitch_deg\n" + rows("3", "9", "1"), "misspelled roll_deg")
 
 
 class TestFrames:

@@ -273,7 +273,7 @@ class TestSeveralFiles:
             ((PLACES, "name,x_m,y_m,x_sigma_m,y_sigma_m\na.ply,1,1,1,1\n"), "both give x_m of the scan a"),
             (
                 (PLACES.replace("100,60,5,1,1\n", ""), "name,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,1,1,1\n"),
-                "log0.csv has positions on the Earth, and those of .*log1.csv count from an origin .*--origin",
+                "log0.csv has positions on the Earth, and those of .*log1.csv count from an unknown origin.*--origin",
             ),
         ],
     )
