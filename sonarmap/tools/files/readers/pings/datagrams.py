@@ -1,9 +1,9 @@
-"""The datagrams of Kongsberg's .all files, and of what MB-System writes of them, checked; and their soundings.
+"""Datagrams of Kongsberg's .all files and of MB-System's versions of them, and their soundings.
 
-Format: Kongsberg 160692, "EM Series Multibeam echo sounders, Datagram formats". Each has its size without these four
-bytes, STX, its type, the model, date and time, a counter, a serial number, its content, ETX, and the sum of the bytes
-between STX and ETX; in either byte order. Soundings are XYZ 88 (X) or the older depths (D), which count in units that
-each ping has, and list valid beams alone. MB-System's formats 57 and 59 add a place of the ping and a flag per beam.
+Format: Kongsberg 160692, "EM Series Multibeam echo sounders, Datagram formats". A datagram has its size without these
+four bytes, STX, its type, the model, date and time, a counter, a serial number, its content, ETX, and the sum of the
+bytes between STX and ETX, in either byte order. Soundings are in XYZ 88 (X) or the older depths (D), which use units
+given in each ping, and list only valid beams. MB-System's formats 57 and 59 add positions of pings and flags of beams.
 """
 
 import struct
@@ -22,7 +22,7 @@ _HEAD = 4 + struct.calcsize("<" + _HEADER)  # bytes before the content
 _STX, _ETX = 2, 3
 _TAIL = 3  # ETX and the checksum
 _LARGEST = 1 << 20  # bytes; datagrams come by UDP, at most 64 KiB each, and some are joined in the file
-_SAMPLE = 50  # datagrams by which it is decided whether a file has checksums
+_SAMPLE = 50  # datagrams that show whether a file has checksums
 _D_HEAD = " heading:u2 sound_speed:u2 depth:u2 most:u1 beams:u1 z_unit:u1 xy_unit:u1 rate:i2 "
 _D = " z:i2 y:i2 x:i2 depression:i2 azimuth:u2 range:u2 quality:u1 window:u1 "
 _X_HEAD = " sound_speed:u2 depth:f4 beams:u2 valid:u2 rate:f4 scanning:u1 spare:V3 "
@@ -32,17 +32,17 @@ _MB_HEAD = _FIX + "heading:u2 heave:i2 roll:i2 pitch:i2 speed:u2" + _X_HEAD
 _IN_UNITS, _BY_MB_SYSTEM = "D\xe1", "\xe1\xe3\xe5"
 # Models whose depths in D are unsigned; the last are MB-System's for the EM12, 121, 100, 1000
 _DEEP = {120, 300, *range(9901, 9906)}
-# An EM3000D: its second head, with beams from 128 on, is deeper by what stands for the sampling rate [cm]. That of the
-# model 3002 is no difference.
+# EM3000D: the field of the sampling rate is the depth of the second head, with beams from 128 on, below the first [cm].
+# In the model 3002 it is not.
 _TWO_HEADS, _SECOND = range(3003, 3009), 128
-_MULTIPLIERS = range(-1, 18)  # of 655.36 m, which the transducer's depth in D lacks
-_INVALID = 0x80  # of a sounding's detection
-_NULL_OR_FLAGGED = 3  # of MB-System's flag
+_MULTIPLIERS = range(-1, 18)  # valid ones, of 655.36 m, which are added to the transducer's depth in D
+_INVALID = 0x80  # bit of a sounding's detection
+_NULL_OR_FLAGGED = 3  # bits of MB-System's flag
 
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """One datagram; the stamp is NaN where its date is none."""
+    """One datagram; its stamp is NaN if its date is invalid."""
 
     kind: str
     model: int
@@ -52,7 +52,7 @@ class Datagram:
     content: bytes
 
     def rows(self, layout: np.dtype, start: int = 0, count: int = 1) -> np.ndarray:
-        """(count,) of this layout, from a byte of the content on."""
+        """(count,) rows of `layout` from byte `start` of the content on."""
         end = start + count * layout.itemsize
         if end > len(self.content):
             raise InputError(f"has {len(self.content):,} bytes of content; wanted at least {end:,}")
@@ -60,12 +60,12 @@ class Datagram:
 
 
 def layout_of(words: str) -> np.dtype:
-    """Of fields as "name:type name:type", without gaps."""
+    """The dtype of fields "name:type name:type", without gaps."""
     return np.dtype([tuple(word.split(":")) for word in words.split()])
 
 
 def datagrams_in(content: bytes, wanted: str) -> Iterator[Datagram | int]:
-    """Datagrams of these types; and, where some bytes are no datagram, their number: it goes on at the next one."""
+    """Datagrams of the types `wanted`; for bytes that are no datagram, their number."""
     checked, start = _has_checksums(content), 0
     while start < len(content):
         size = _size_at(content, start)
@@ -80,7 +80,7 @@ def datagrams_in(content: bytes, wanted: str) -> Iterator[Datagram | int]:
 
 
 def _has_checksums(content: bytes) -> bool:
-    """Whether more than a few of the first datagrams have one that fits: some software writes none."""
+    """Whether a quarter of the first datagrams have a right checksum: some software writes none."""
     start, fits = 0, list[bool]()
     while len(fits) < _SAMPLE and (size := _size_at(content, start)):
         fits.append(_fits(content, start, size))
@@ -89,7 +89,7 @@ def _has_checksums(content: bytes) -> bool:
 
 
 def _size_at(content: bytes, start: int) -> int:
-    """Of what has the frame of a datagram there; 0 if nothing has. Its size may be in another order than the rest."""
+    """Size of the datagram at `start`; 0 if there is none. It may have another byte order than the rest."""
     if start + _HEAD > len(content) or content[start + 4] != _STX:
         return 0
     for order in _ORDERS:
@@ -101,10 +101,10 @@ def _size_at(content: bytes, start: int) -> int:
 
 
 def _is_sound(content: bytes, start: int, size: int, wanted: str) -> bool:
-    """Whether the checksum fits; of what is not wanted it is enough that another datagram follows, or the end."""
+    """Whether the checksum is right, or the type is not wanted and another datagram, or the end, follows."""
     end = start + size
-    passed_over = chr(content[start + 5]) not in wanted and (end == len(content) or _size_at(content, end) > 0)
-    return passed_over or _fits(content, start, size)
+    skipped = chr(content[start + 5]) not in wanted and (end == len(content) or _size_at(content, end) > 0)
+    return skipped or _fits(content, start, size)
 
 
 def _fits(content: bytes, start: int, size: int) -> bool:
@@ -113,7 +113,7 @@ def _fits(content: bytes, start: int, size: int) -> bool:
 
 
 def _next(content: bytes, start: int, checked: bool) -> int:
-    """Where the next datagram begins, from a byte on; the end if there is none."""
+    """First byte of the next datagram, from `start` on; the end of the content if there is none."""
     while (place := content.find(b"\x02", start + 4)) >= 0:
         start = place - 4
         if (size := _size_at(content, start)) and (not checked or _fits(content, start, size)):
@@ -131,14 +131,14 @@ def _unpacked(datagram: bytes) -> Datagram:
 
 
 def _day(date: int) -> float | None:
-    """The stamp of a day as 20180102 [s, UTC]; None if it is none."""
+    """The stamp of a date as 20180102 [s, UTC]; None if it is invalid."""
     try:
         return datetime(date // 10000, date // 100 % 100, date % 100, tzinfo=UTC).timestamp()
     except ValueError:
         return None
 
 
-# Of a datagram, and of each of its beams.
+# {type: layout of a datagram's head, and of each of its beams}
 SWATHS = {
     kind: (layout_of(head), layout_of(beam))
     for kind, head, beam in (
@@ -158,14 +158,14 @@ class Swath:
     heading: float  # of the vessel [rad]
     sound_speed: float  # at the transducer [m/s]
     depth: float  # of the transmit transducer below the water's level [m]
-    fix: tuple[float, float]  # latitude, longitude [deg] that MB-System has, or what it writes for none; NaN of others
-    # (n, 3) float64 [m], not rejected: forward, to port and up from the position's reference point and that depth
+    fix: tuple[float, float]  # latitude, longitude [deg] by MB-System, maybe its value for unknown; else NaN
+    # (n, 3) float64 [m] without rejected ones: forward, port, up from the position's reference point, at `depth`
     points: np.ndarray
-    beams: int  # soundings in all
+    beams: int  # number of soundings, including rejected ones
 
 
 def swath_of(datagram: Datagram) -> Swath:
-    """Of a datagram of a kind in SWATHS."""
+    """The ping in a datagram of a type in SWATHS."""
     head_layout, layout = SWATHS[datagram.kind]
     head = datagram.rows(head_layout)[0]
     rows = datagram.rows(layout, head_layout.itemsize, int(head["beams"]))
@@ -176,7 +176,7 @@ def swath_of(datagram: Datagram) -> Swath:
     if datagram.kind in _BY_MB_SYSTEM:
         kept &= rows["flag"] & _NULL_OR_FLAGGED == 0
     elif datagram.kind == "X":
-        # realtime cleaning marks what it rejects with negative numbers
+        # realtime cleaning marks rejected soundings with negative numbers
         kept &= (rows["detection"] & _INVALID == 0) & (rows["cleaning"] >= 0)
     fix = (head["latitude"] / 2e7, head["longitude"] / 1e7) if datagram.kind in _BY_MB_SYSTEM else (np.nan, np.nan)
     heading = np.radians(head["heading"] / 100) if head["heading"] <= 36000 else np.nan
@@ -184,7 +184,7 @@ def swath_of(datagram: Datagram) -> Swath:
 
 
 def _in_meters(datagram: Datagram, head: np.void, rows: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Turn the points of a D datagram from its units to meters; which are soundings, and the transducer's depth [m]."""
+    """Convert points of a D datagram to meters, in place; (n,) bool, valid ones, and the transducer's depth [m]."""
     if not (head["z_unit"] and head["xy_unit"]):
         raise InputError("has units of 0 cm")
     deep = datagram.model in _DEEP

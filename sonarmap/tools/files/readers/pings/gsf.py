@@ -1,7 +1,7 @@
-"""GSF, the Generic Sensor Format, by its library, in a process of its own (`gsf_child.py`).
+"""Reader of GSF, the Generic Sensor Format, with its library in a separate process (`gsf_child.py`).
 
-Of a ping: soundings across (starboard +), along (forward +) and down, corrected for attitude, refraction and, where the
-file says so, tides; so they are in the level frame already. Depths count from the water's level, or, where a tide was
+Soundings of a ping are across (starboard +), along (forward +) and down, corrected for attitude, refraction and, if the
+file says so, tides; so they are already in the level frame. Depths count from the water surface, or, if a tide was
 applied, from its datum.
 """
 
@@ -28,19 +28,19 @@ from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled
 from sonarmap.tools.files.user_file import unreadable
 
 _CHILD = Path(__file__).with_name("gsf_child.py")
-_PATIENCE = 6.0  # seconds for a file of no size: the start of the process takes 0.1
-_RATE = 1e6  # bytes that are read a second, a tenth of what was measured
-_GROWTH = 40  # bytes of memory that a byte of the file takes at most: three of a sounding, and its four numbers twice
-_DIVED = 10.0  # meters: a depth corrector beyond is no dynamic draft, but a submersible's depth
+_START_TIMEOUT = 6.0  # [s], for an empty file; the start of the process takes 0.1
+_MIN_RATE = 1e6  # [bytes/s] of reading, below which it times out; a tenth of the measured rate
+_GROWTH = 40  # bytes of memory per byte of the file, at most: a sounding has 3 bytes there, and 8 numbers here
+_DIVED = 10.0  # [m]: a larger depth corrector is not a dynamic draft but the depth of a submersible
 
 
 @dataclass(slots=True)
 class _Answer:
-    """What the child printed."""
+    """Output of the child process."""
 
     heads: list[np.ndarray] = field(default_factory=list)  # (len(HEAD),) each
     rows: list[np.ndarray] = field(default_factory=list)  # (n, 4) each: x, y, z, whether it is rejected
-    words: dict[str, str] = field(default_factory=dict)  # the last of each
+    words: dict[str, str] = field(default_factory=dict)  # the last values of "echo_sounder" and "datum"
     faults: list[str] = field(default_factory=list)
 
 
@@ -50,7 +50,7 @@ def read_gsf(path: Path) -> RecordedLine:
     with unreadable():
         size = path.stat().st_size
     require_memory("the file, unpacked,", _GROWTH * size, "split it")
-    answer, end = _asked(path, _PATIENCE + size / _RATE)
+    answer, end = _run_child(path, _START_TIMEOUT + size / _MIN_RATE)
     notes, count = list[str](), len(answer.heads)
     if not count and (end or answer.faults):
         raise InputError(f"the GSF library cannot read it ({end or answer.faults[0]}); write or copy it again")
@@ -65,16 +65,16 @@ def read_gsf(path: Path) -> RecordedLine:
 
 
 def _require_library() -> None:
-    """Refuse where the library does not load; it is for Linux on x86-64 alone."""
+    """Refuse if the library does not load; it exists only for Linux on x86-64."""
     require("gsfpy3_09")
     try:
         import gsfpy3_09  # noqa: F401
-    except Exception as error:  # gsfpy raises just that, of no other class, where its library does not load
+    except Exception as error:  # gsfpy raises a bare Exception if its library does not load
         raise InputError(f"the GSF library does not load on this machine ({error}); convert it on another") from error
 
 
-def _asked(path: Path, patience: float) -> tuple[_Answer, str]:
-    """What the child says of a file, and how it ended, in words; "" if well."""
+def _run_child(path: Path, timeout: float) -> tuple[_Answer, str]:
+    """Output of the child process for a file, and how it failed, in words, or ""."""
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-P", str(_CHILD), str(path.absolute())]
     with tempfile.TemporaryFile() as out:
@@ -85,17 +85,17 @@ def _asked(path: Path, patience: float) -> tuple[_Answer, str]:
                 stdout=out,
                 stderr=subprocess.DEVNULL,
                 env=environment,
-                timeout=patience,
+                timeout=timeout,
             ).returncode
             end = f"ended with {end_in_words(code)}" if code else ""
         except subprocess.TimeoutExpired:
-            end = f"did not end within {patience:.0f} s"
+            end = f"did not end within {timeout:.0f} s"
         out.seek(0)
         return _parsed(out), end
 
 
 def _parsed(printed: IO[bytes]) -> _Answer:
-    """What is whole of it: a child that was ended may have printed half an array."""
+    """Parse all whole arrays: a killed child may have printed a part of one."""
     answer, head = _Answer(), np.empty(0)
     with suppress(ValueError):
         while True:
@@ -119,7 +119,7 @@ def _line(name: str, answer: _Answer, notes: list[str]) -> RecordedLine:
         notes.append(f"{counted(int(level.sum()), 'ping')} without roll or pitch, taken as level")
     if heads["is_nominal"].any():
         notes.append("depths are those for a speed of sound of 1500 m/s; the file has no others")
-    # either of them was added to the depths
+    # one of both tides was added to the depths
     tide = np.where(np.nan_to_num(heads["tide"]) == 0, np.nan_to_num(heads["gps_tide"]), np.nan_to_num(heads["tide"]))
     if tide.any():
         datum, above = answer.words.get("datum", "a tidal datum"), np.nan_to_num(heads["separation"])
@@ -142,18 +142,18 @@ def _line(name: str, answer: _Answer, notes: list[str]) -> RecordedLine:
 
 
 def _sensors(attitudes: np.ndarray, heads: dict[str, np.ndarray], tide: np.ndarray) -> np.ndarray:
-    """(P, 3) the transducers [m] in the level frames; 0 where the file does not say."""
+    """(P, 3) positions of the transducer [m] in the level frames; 0 if unknown."""
     offsets = np.column_stack([heads["forward"], heads["starboard"], heads["down"]])
     unknown = np.isnan(offsets).all(axis=1) & np.isnan(heads["draft"])
     offsets = np.nan_to_num(offsets) * [1, -1, -1]
     draft = np.where(np.isnan(heads["draft"]), -offsets[:, 2], heads["draft"])
     sensors = R_level_vehicle_of(attitudes).apply(offsets)
-    # Its depth when the vessel lies level is the draft. Heave counts down: Kongsberg's depths of the transducer in a
-    # real file fit within 0.1 m so, and are 2 m off the other way round.
+    # The draft is the transducer's depth on a level vessel. Heave is positive down: with this sign the depths of
+    # transducers in a Kongsberg file fit within 0.1 m, with the other they are 2 m off.
     level = -draft - offsets[:, 2] - np.nan_to_num(heads["heave"])
     dived = np.nan_to_num(heads["depth"]) > _DIVED
     sensors[:, 2] += np.where(dived, -heads["depth"], level)
     sensors[unknown & ~dived] = 0.0
-    # a corrector was added to depths: their datum lies so much above the water
+    # the tide was added to depths: their datum is that far above the water surface
     sensors[:, 2] -= tide
     return sensors

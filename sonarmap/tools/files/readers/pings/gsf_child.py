@@ -1,8 +1,8 @@
-"""The GSF library in a process of its own, which may crash or never end on a damaged file: a program, not a module.
+"""Program that reads a GSF file with the GSF library, which may crash or never end on a damaged file.
 
-It prints its pings as it reads them, so that those before the damage are not lost: to whoever started it, as arrays in
-NumPy's format. Of a ping (len(HEAD),) numbers, and (n, 4) soundings: x forward, y port, z up [m] and whether it is
-rejected; and, as JSON, what it has to say. It imports nothing of sonarmap, to start fast.
+It prints each ping as soon as it is read, so that those before the damage are kept: arrays in NumPy's format, for each
+ping (len(HEAD),) numbers and (n, 4) soundings: x forward, y port, z up [m] and whether it is rejected; and messages as
+JSON in a 0-dimensional array. It imports nothing of sonarmap, to start fast.
 """
 
 import contextlib
@@ -14,20 +14,20 @@ from typing import BinaryIO
 
 import numpy as np
 
-# Numbers of a ping before its soundings, NaN where unknown: [s, deg, m, m/s]; whether depths are for 1500 m/s; and from
-# the parameters the transducer forward, starboard and down of the vessel's reference point, and its draft.
+# Numbers of a ping before its soundings, NaN if unknown [s, deg, m, m/s]. `is_nominal`: depths are for 1500 m/s.
+# The last four, from the parameters, are the transducer's offset from the vessel's reference point, and its draft.
 HEAD = (
     *("stamp", "latitude", "longitude", "roll", "pitch", "heading", "heave", "tide", "gps_tide", "depth", "separation"),
     *("sound_speed", "is_nominal", "forward", "starboard", "down", "draft"),
 )
 _END = -23  # GSF_READ_TO_END_OF_FILE
 _PING, _PARAMETERS = 2, 4  # kinds of records
-_MEMORY = 4 << 30  # addresses that a damaged file may take [bytes]
-_OUTPUT = 64  # bytes that one of the file may become: three of a sounding in the file are 32 here
-_FAULTS = 50  # records in a row that cannot be decoded
+_MEMORY = 4 << 30  # [bytes], limit of the address space
+_MAX_GROWTH = 64  # bytes of output per byte of the file: a sounding of 3 bytes becomes 32
+_MAX_FAULTS = 50  # consecutive records that cannot be decoded
 _IGNORE = 1  # GSF_IGNORE_BEAM and GSF_IGNORE_PING, bit 0 of either flags
 _KONGSBERG, _R2SONIC = (133, 134, 135, 149), (151, 152, 153)  # EM710, 302, 122, 2040; 2022, 2024, 2020
-# what the format writes where a number is unknown
+# the format's values for unknown numbers
 _NULLS = {"latitude": 91, "longitude": 181, "heading": 361, "roll": 99, "pitch": 99, "heave": 99, "tide": 99.99,
           "gps_tide": 99.99, "depth": 99.99, "separation": 9999.99}  # fmt: skip
 
@@ -35,7 +35,7 @@ _NULLS = {"latitude": 91, "longitude": 181, "heading": 361, "roll": 99, "pitch":
 def main(path: str) -> None:
     """Print the pings of a file."""
     with os.fdopen(os.dup(1), "wb") as out:
-        os.dup2(2, 1)  # the library may print, too
+        os.dup2(2, 1)  # the library prints to standard output, too
         _limit_memory()
         _print_pings(path, out)
 
@@ -58,14 +58,14 @@ def _print_pings(path: str, out: BinaryIO) -> None:
     if bindings.gsfOpen(os.fsencode(path), FileMode.GSF_READONLY, ctypes.byref(opened)) < 0:
         _say(out, {"fault": _fault(bindings)})
         return
-    left, faults, said, parameters = _OUTPUT * os.path.getsize(path) + (1 << 20), 0, {}, {}  # noqa: PTH202
-    while left > 0 and faults < _FAULTS:
-        left -= 8
+    budget, faults, last_words, parameters = _MAX_GROWTH * os.path.getsize(path) + (1 << 20), 0, {}, {}  # noqa: PTH202
+    while budget > 0 and faults < _MAX_FAULTS:
+        budget -= 8
         if bindings.gsfRead(opened, RecordType.GSF_NEXT_RECORD, ctypes.byref(identity), ctypes.byref(record)) < 0:
             if bindings.gsfIntError() == _END:
                 break
             faults += 1
-            left -= 1024  # a file that never ends
+            budget -= 1024  # a file that never ends
             _say(out, {"fault": _fault(bindings)})
             continue
         faults = 0
@@ -74,10 +74,10 @@ def _print_pings(path: str, out: BinaryIO) -> None:
         elif identity.recordID == _PING:
             name = (bindings.gsfGetSonarTextName(ctypes.byref(record.mb_ping)) or "").replace("Unknown", "")
             words = {"echo_sounder": name, "datum": parameters.get("TIDAL_DATUM", "").replace("UNKNOWN", "")}
-            if words != said:
+            if words != last_words:
                 _say(out, words)
-                said = words
-            left -= _print_ping(record.mb_ping, parameters, out)
+                last_words = words
+            budget -= _print_ping(record.mb_ping, parameters, out)
     else:
         _say(out, {"fault": "records that do not end"})
 
@@ -96,7 +96,7 @@ def _print(out: BinaryIO, array: np.ndarray) -> None:
 
 
 def _parameters(record) -> dict[str, str]:
-    """The processing parameters by their names."""
+    """{name: value} of the processing parameters."""
     found = {}
     for k in range(min(max(record.number_parameters, 0), len(record.param))):
         if record.param[k]:
@@ -107,7 +107,7 @@ def _parameters(record) -> dict[str, str]:
 
 
 def _print_ping(ping, parameters: dict[str, str], out: BinaryIO) -> int:
-    """How many bytes it takes; none if it has no soundings."""
+    """Print a ping; return its number of bytes, 0 if it has no soundings."""
     count, depths = ping.number_beams, ping.depth or ping.nominal_depth
     if count <= 0 or not depths or not ping.across_track:
         return 0
@@ -116,7 +116,7 @@ def _print_ping(ping, parameters: dict[str, str], out: BinaryIO) -> int:
     rows[:, 2] = -np.ctypeslib.as_array(depths, (count,))
     if ping.along_track:
         rows[:, 0] = np.ctypeslib.as_array(ping.along_track, (count,))
-    rows[:, 3] = rows[:, 2] == 0  # as where the echo sounder detected no bottom
+    rows[:, 3] = rows[:, 2] == 0  # no bottom was detected
     if ping.beam_flags:
         rows[:, 3] += np.ctypeslib.as_array(ping.beam_flags, (count,)) & _IGNORE
     rows[:, 3] += ping.ping_flags & _IGNORE
@@ -126,9 +126,9 @@ def _print_ping(ping, parameters: dict[str, str], out: BinaryIO) -> int:
 
 
 def _head(ping, parameters: dict[str, str]) -> np.ndarray:
-    """(17,) float64, under HEAD."""
-    # gsfpy has the first two fields of a ping the wrong way round: in the C structure (gsf.h) latitude comes first, so
-    # what it calls longitude is the latitude. In the file longitude comes first; a test compares with its bytes.
+    """(17,) float64 numbers in the order of HEAD."""
+    # gsfpy exchanges the first two fields of a ping: in the C structure (gsf.h) latitude comes first, so its longitude
+    # is the latitude. In the file longitude comes first.
     latitude, longitude = ping.longitude, ping.latitude
     stamp = ping.ping_time.tv_sec + ping.ping_time.tv_nsec * 1e-9
     nominal = not ping.depth or parameters.get("DEPTH_CALCULATION") == "RELATIVE_TO_1500_MS"
@@ -142,7 +142,7 @@ def _head(ping, parameters: dict[str, str]) -> np.ndarray:
 
 
 def _numbers(text: str, count: int) -> list[float]:
-    """The first ones of a parameter; NaN where it does not say."""
+    """The first `count` numbers of a parameter; NaN if they are not there."""
     with contextlib.suppress(ValueError):  # UNKNWN
         numbers = [float(number) for number in text.split(",")[:count]]
         if len(numbers) == count:
@@ -151,7 +151,7 @@ def _numbers(text: str, count: int) -> list[float]:
 
 
 def _sound_speed(ping) -> float:
-    """At the transducer [m/s]; NaN where the echo sounder's own part of the ping has none."""
+    """Sound speed at the transducer [m/s]; NaN if the ping's sensor-specific part has none."""
     if ping.sensor_id in _KONGSBERG:
         return ping.sensor_data.gsfEM4Specific.surface_velocity
     return ping.sensor_data.gsfR2SonicSpecific.sound_speed if ping.sensor_id in _R2SONIC else np.nan

@@ -1,7 +1,7 @@
-"""Kongsberg's .all: soundings, positions and attitudes, which are interpolated to the times of the pings.
+"""Reader of Kongsberg's .all: soundings, and positions and attitudes, which are interpolated to the pings' times.
 
 Soundings are corrected for attitude, heave and refraction: they are in the level frame of the position's reference
-point, down from the transmit transducer, whose depth below the water's level each ping has.
+point, with depths below the transmit transducer. Each ping has the transducer's depth below the water surface.
 """
 
 from collections import defaultdict
@@ -18,40 +18,40 @@ from sonarmap.tools.files.readers.pings.datagrams import SWATHS, Datagram, Swath
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, between, damage
 from sonarmap.tools.files.user_file import read_content
 
-_POSITION, _MOTION, _NETWORK, _INSTALLATION = "PAnI"  # the third is attitudes by network
+_POSITION, _MOTION, _NETWORK, _INSTALLATION = "PAnI"  # types; the third has attitudes by network
 _OTHERS = {"raw ranges": "NfFe", "a water column": "k"}  # datagrams that are not read
 _PLACE = layout_of("latitude:i4 longitude:i4 quality:u2 speed:u2 course:u2 heading:u2 system:u1 bytes:u1")
 _SWING = layout_of("after:u2 status:u2 roll:i2 pitch:i2 heave:i2 heading:u2")
 _NETWORK_HEAD = layout_of("count:u2 system:u1 spare:u1")
 _NETWORK_SWING = layout_of("after:u2 roll:i2 pitch:i2 heave:i2 heading:u2 bytes:u1")
 _COUNT, _BYTE = np.dtype("u2"), np.dtype("u1")
-_ACTIVE = 0x80  # of a position's system
-_ROLL_UNUSED, _NOT_USED = 0x02, 0x80  # of an attitude's system, the second one of those by network
-_WRONG = (0x9A, 0xAF)  # the first and the last status, in either byte, of a motion sensor whose numbers are invalid
-_GAPS = {"position": 10.0, "attitude": 1.0}  # seconds between two that are interpolated
-_BEYOND = 2.0  # seconds before the first and after the last position: a file begins with any datagram
-_LEAP, _FASTEST = 50.0, 40.0  # m, m/s: a position that is farther from both neighbors is wrong
+_ACTIVE = 0x80  # bit of a position's system
+_ROLL_UNUSED, _NOT_USED = 0x02, 0x80  # bits of an attitude's system, the second one only by network
+_WRONG = (0x9A, 0xAF)  # first and last status, in either byte, of a motion sensor with invalid numbers
+_GAPS = {"position": 10.0, "attitude": 1.0}  # [s], longest gaps that are interpolated
+_BEYOND = 2.0  # [s], extrapolation of positions: a file may begin with any datagram
+_LEAP, _FASTEST = 50.0, 40.0  # [m], [m/s] times the time between: a position farther from both neighbors is wrong
 _DEGREE = 111_320.0  # meters of latitude
-_GROWTH = 8  # bytes of memory that a byte of the file takes at most: a sounding has 16 or 20 there
+_GROWTH = 8  # bytes of memory per byte of the file, at most: a sounding has 16 or 20 there
 _TWO_HEADS = "2"  # STC of a system of two heads, each with its own transducer
-_NAMES = {3020: "3002", **dict.fromkeys(range(3001, 3009), "3000D")}  # of models whose number says another
-_NAMES |= {9901: "12S", 9902: "12D", 9903: "121", 9904: "100", 9905: "1000"}  # as MB-System numbers them
+_NAMES = {3020: "3002", **dict.fromkeys(range(3001, 3009), "3000D")}  # of models with another number
+_NAMES |= {9901: "12S", 9902: "12D", 9903: "121", 9904: "100", 9905: "1000"}  # of MB-System's numbers
 
-# Which sensor says something: whether the echo sounder did not use it, in which datagram, and its number. Those that it
-# used count as one, of the number 0, as they may have changed.
+# Key of a sensor: whether the echo sounder did not use it, its datagram type, and its number. Used sensors count as one
+# with the number 0, as the echo sounder may have changed between them.
 _Source = tuple[bool, str, int]
 
 
 @dataclass(slots=True)
 class _Content:
-    """What of a file was understood. Of sensors (n, 4) stamps, two numbers [deg] and the sensor's own number."""
+    """Content of a file. Sensors have (n, 4) rows: stamp, two angles [deg] and the number of the sensor."""
 
     swaths: list[tuple[Datagram, Swath]] = field(default_factory=list)
     positions: dict[_Source, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
     motions: dict[_Source, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
     installation: dict[str, str] = field(default_factory=dict)
-    skipped: int = 0  # bytes
-    faults: list[str] = field(default_factory=list)  # of damaged datagrams
+    skipped: int = 0  # bytes that are no datagram
+    faults: list[str] = field(default_factory=list)  # of damaged datagrams, in words
 
 
 def read_all(path: Path) -> RecordedLine:
@@ -98,7 +98,7 @@ def _take(datagram: Datagram, found: _Content) -> None:
 
 
 def _position(datagram: Datagram) -> tuple[bool, int, np.ndarray]:
-    """Whether its system is the active one, its number, 1 to 3, and (1, 3) seconds after the stamp, latitude and
+    """Whether the position system is active, its number, 1 to 3, and (1, 3) seconds after the stamp, latitude and
     longitude [deg]."""
     row = datagram.rows(_PLACE)[0]
     place = np.array([[0.0, row["latitude"] / 2e7, row["longitude"] / 1e7]])
@@ -106,7 +106,7 @@ def _position(datagram: Datagram) -> tuple[bool, int, np.ndarray]:
 
 
 def _motion(datagram: Datagram) -> tuple[bool, int, np.ndarray]:
-    """Whether its roll was used, the number of the sensor, and (n, 3) seconds after the stamp, roll and pitch [deg]."""
+    """Whether the sensor's roll was used, its number, and (n, 3) seconds after the stamp, roll and pitch [deg]."""
     if datagram.kind == _MOTION:
         count = int(datagram.rows(_COUNT)[0])
         rows = datagram.rows(_SWING, _COUNT.itemsize, count)
@@ -126,7 +126,7 @@ def _motion(datagram: Datagram) -> tuple[bool, int, np.ndarray]:
 
 
 def _installation(datagram: Datagram) -> dict[str, str]:
-    """The installation parameters by their names, as S1X; and the serial number of a second head as "second"."""
+    """{name: value} of the installation parameters, as S1X; the serial number of a second head is "second"."""
     second = datagram.rows(_COUNT)[0]
     text = datagram.content[_COUNT.itemsize :].decode("ascii", "replace")
     words = (word.partition("=") for word in text.strip("\0 \r\n").split(","))
@@ -134,7 +134,7 @@ def _installation(datagram: Datagram) -> dict[str, str]:
 
 
 def _chosen(sensors: dict[_Source, list[np.ndarray]]) -> tuple[np.ndarray, bool]:
-    """(n, 4) of the active sensors, else of that with most; and whether they are active."""
+    """(n, 4) rows of the active sensors, else of the sensor with most rows; and whether they are active."""
     readings = {source: np.concatenate(rows) for source, rows in sensors.items() if any(len(each) for each in rows)}
     if not readings:
         return np.empty((0, 4)), True
@@ -143,7 +143,7 @@ def _chosen(sensors: dict[_Source, list[np.ndarray]]) -> tuple[np.ndarray, bool]
 
 
 def _steady(positions: np.ndarray) -> np.ndarray:
-    """(n, 4) by time, longitudes without a leap at the date line; without those to which no vessel came and went."""
+    """(n, 4) positions ordered by time, with unwrapped longitudes; outliers far from both neighbors are left out."""
     on_earth = (np.abs(positions[:, 1]) <= 90) & (np.abs(positions[:, 2]) <= 180)
     positions = positions[on_earth]
     positions = positions[np.argsort(positions[:, 0], kind="stable")]
@@ -161,16 +161,16 @@ def _line(name: str, found: _Content) -> RecordedLine:
     stamps = np.array([datagram.stamp for datagram, _ in found.swaths])
     positions, active = _chosen(found.positions)
     positions = _steady(positions)
-    own = np.array([swath.fix for swath in swaths])
-    has_own = np.asarray((np.abs(own) <= [90, 180]).all(axis=1) & own.any(axis=1))
-    if len(positions) < 2 and not has_own.any():
+    fixes = np.array([swath.fix for swath in swaths])
+    has_fix = np.asarray((np.abs(fixes) <= [90, 180]).all(axis=1) & fixes.any(axis=1))
+    if len(positions) < 2 and not has_fix.any():
         raise InputError("it holds less than two positions; record them, or export it as GSF")
     if not active:
         notes.append("no position system is marked as active: that with most positions is taken")
     places, placed = between(stamps, positions[:, 0], positions[:, 1:3], _GAPS["position"], _BEYOND)
     places[:, 1] = (places[:, 1] + 180) % 360 - 180
     places[~placed] = np.nan
-    places = np.where(has_own[:, None], own, places)
+    places = np.where(has_fix[:, None], fixes, places)
     motions, active = _chosen(found.motions)
     if not active:
         notes.append("no motion sensor is marked as active: that with most attitudes is taken")
@@ -195,8 +195,8 @@ def _line(name: str, found: _Content) -> RecordedLine:
 
 
 def _sensors(attitudes: np.ndarray, found: _Content, system: int) -> np.ndarray:
-    """(P, 3) the transmit transducers [m] in the level frames: their depths are in the pings, where they are beside
-    the reference point of this position system follows from the installation."""
+    """(P, 3) positions of the transmit transducer [m] in the level frames: depths are from the pings, and
+    horizontal offsets from the reference point of the position `system` from the installation parameters."""
     values = found.installation
     serials = np.array([datagram.serial for datagram, _ in found.swaths])
     second = (serials == int(values.get("second", "0"))) & (values.get("STC") == _TWO_HEADS)
@@ -208,7 +208,7 @@ def _sensors(attitudes: np.ndarray, found: _Content, system: int) -> np.ndarray:
 
 
 def _place(values: dict[str, str], what: str) -> np.ndarray:
-    """(3,) [m] forward, to port and up of the vessel's reference point; 0 where the installation does not say."""
+    """(3,) position of `what` [m], forward, port and up of the vessel's reference point; 0 if unknown."""
     try:
         place = np.array([float(values.get(f"{what}{axis}", "0")) for axis in "XYZ"])
     except ValueError:

@@ -1,5 +1,5 @@
-"""One file of a multibeam echo sounder to its line, and a line to scans: it is cut into patches, which its navigation
-places. A new format is a file in pings/ and a row of FORMATS."""
+"""Read a file of a multibeam echo sounder as a line, and cut the line into patches: scans with priors from the line's
+navigation. A new format is a file in pings/ and a row of FORMATS."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,37 +23,37 @@ from sonarmap.tools.files.readers.pings.recorded import NO_DRAUGHT, RecordedLine
 from sonarmap.tools.files.readers.pings.xtf import read_xtf
 from sonarmap.tools.files.user_file import Kind, naming, require_file, require_kind
 
-# Of a motion sensor, a gyrocompass, DGNSS, and a water level that is known to decimeters, as COLUMNS have them.
+# Usual errors of a motion sensor, a gyrocompass, DGNSS and the water level, by COLUMNS.
 _SIGMAS: Mapping[str, float] = dict(zip(COLUMNS, (0.3, 0.3, 1.0, 1.5, 1.5, 0.2), strict=True))
-_DEEPEST = 100.0  # [m], of a ship's draught
-_OF_DEPTH = 0.003  # errors of sound speed are a share of the depth
-# The way within a line, as its navigation has it: share of the way, and rotation [rad/s].
-_DRIFT, _TURN_DRIFT = 0.01, float(np.radians(10.0) / 3600)
+_MAX_DRAUGHT = 100.0  # [m]
+_DEPTH_ERROR = 0.003  # share of the depth, from the sound speed
+_DRIFT = 0.01  # of the navigation within a line, share of the distance
+_TURN_DRIFT = float(np.radians(10.0) / 3600)  # of its heading [rad/s]
 
 
 @dataclass(frozen=True, slots=True)
 class Format(Kind):
-    """A format of lines of pings."""
+    """A file format of multibeam echo sounders."""
 
     read: Callable[[Path], RecordedLine]
 
 
 def _refuse_kmall(path: Path) -> RecordedLine:
-    raise InputError("no library that is kept up reads Kongsberg's .kmall; convert it to GSF, and give that")
+    raise InputError("no maintained library reads Kongsberg's .kmall; convert it to GSF, and give that")
 
 
 _ALL = Format("a Kongsberg .all file", rb"(?s)(.{2}.\x00|\x00.{3})\x02[0-9A-Za-z\xe1-\xe5]", read_all)
 FORMATS = {
     ".gsf": Format("a GSF file", rb"(?s).{4}[\x00\x80]\x00\x00\x01(.{4})?GSF-", read_gsf),
     ".xtf": Format("an XTF file", rb"(?s)\x7b[^\s\"'{}\]]", read_xtf),
-    # the second is its water column, the others are MB-System's names of the same datagrams
+    # .wcd files have the water column of a .all file, .mb* files are written by MB-System
     **dict.fromkeys((".all", ".wcd", ".mb56", ".mb57", ".mb58", ".mb59"), _ALL),
     ".kmall": Format("a Kongsberg .kmall file", rb"(?s).{4}#[A-Z]{3}", _refuse_kmall),
 }
 
 
 def read_line(path: Path, notes: list[str]) -> RecordedLine:
-    """The line of a file; its notes, with its name, are added to the list."""
+    """The line of a file; its notes are added to `notes`, after the file's name."""
     require_file(path)
     with naming(path):
         return _line(path, notes)
@@ -65,7 +65,7 @@ def _line(path: Path, notes: list[str]) -> RecordedLine:
         raise InputError(f"unknown format {path.suffix or '(no suffix)'!r}; known are {', '.join(FORMATS)}")
     require_kind(path, FORMATS)
     try:
-        with np.errstate(invalid="ignore", over="ignore"):  # numbers of damaged files, which are sorted out later
+        with np.errstate(invalid="ignore", over="ignore"):  # in damaged files; `assembled` leaves them out
             line = known.read(path)
     except MemoryError as error:
         raise InputError("too large for this machine's memory; split it") from error
@@ -75,24 +75,24 @@ def _line(path: Path, notes: list[str]) -> RecordedLine:
 
 @dataclass(frozen=True, slots=True)
 class LineOverview:
-    """What `sonarmap inspect` says of a line."""
+    """Overview of a line for `sonarmap inspect`."""
 
     file: str  # its name
-    echo_sounder: str  # as the file says; "" if it does not
-    pings: int  # how many
-    beams: int  # soundings in all, rejected ones counted
-    rejected: int  # how many of these
+    echo_sounder: str  # as named in the file; "" if it is not
+    pings: int  # number of pings
+    beams: int  # number of soundings, including rejected ones
+    rejected: int  # number of rejected soundings
     seconds: float  # from the first ping to the last [s]
     length: float  # of the track [m]
-    depth: tuple[float, float, float]  # 5 %, median and 95 % below the level from which the file counts depths [m]
-    swath: float  # its median width [m]
-    roll: tuple[float, float]  # mean and standard deviation [deg], as of pitch and heading
-    pitch: tuple[float, float]
-    heading: tuple[float, float]  # about its mean direction
+    depth: tuple[float, float, float]  # 5th, 50th and 95th percentile, below the level from which depths count [m]
+    swath: float  # median width [m]
+    roll: tuple[float, float]  # mean and standard deviation [deg]
+    pitch: tuple[float, float]  # mean and standard deviation [deg]
+    heading: tuple[float, float]  # circular mean and standard deviation [deg]
 
     @property
     def speed(self) -> float:
-        """Mean [m/s]; 0 of one ping."""
+        """Mean speed [m/s]; 0 if all pings have one stamp."""
         return self.length / self.seconds if self.seconds > 0 else 0.0
 
 
@@ -113,24 +113,24 @@ def line_overview(path: Path) -> LineOverview:
 
 @dataclass(frozen=True, slots=True)
 class LineReading:
-    """How lines become scans."""
+    """How lines are cut into scans."""
 
     patch: float | None = None  # length of a patch along the track [m]; None for half the swath's width
-    biases: Biases = field(default_factory=Biases)  # of the line's instruments, which are taken out
-    draught: float = 0.0  # how deep the transducer was below the water [m], where the files do not say
+    biases: Biases = field(default_factory=Biases)  # of the line's instruments, which are corrected
+    draught: float = 0.0  # depth of the transducer below the water surface [m], for files without it
 
     def __post_init__(self) -> None:
         if self.patch is not None and not 0 < self.patch < np.inf:
             raise InputError(f"a patch of {self.patch:g} m: wanted a length above 0")
-        if not 0 <= self.draught < _DEEPEST:
-            raise InputError(f"a draught of {self.draught:g} m: wanted 0 to {_DEEPEST:g} m")
+        if not 0 <= self.draught < _MAX_DRAUGHT:
+            raise InputError(f"a draught of {self.draught:g} m: wanted 0 to {_MAX_DRAUGHT:g} m")
 
 
 AS_LINES = LineReading()
 
 
 def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[Cloud]:
-    """The patches of a line's file, each level about the transducer in its middle. Whoever catches an InputError names
+    """The patches of a line's file, each in a level frame at the transducer in its middle. An InputError does not name
     the file."""
     recorded = _line(path, notes).immersed(reading.draught)
     origin, below = recorded.origin(), recorded.below_water or reading.draught > 0
@@ -151,10 +151,10 @@ def placed(
     origin: Georeference | None = None,
     sigmas: Mapping[str, float] | None = None,
 ) -> tuple[tuple[Scan, ...], Georeference]:
-    """Scans of lines in the world of an origin, or of the first patch, others as they were; and this world's
-    georeference. Along a line the navigation's error is one: all of its patches together place it no better than one
-    fix does, and each has as much a larger sigma. `patches`: by scan, at least one. `sigmas`: standard deviations [deg,
-    m] by column of COLUMNS; None for those of usual instruments."""
+    """Scans with priors for their patches in the world at `origin`, or at the first patch, and its georeference. The
+    navigation's error is common to all patches of a line: their position sigmas are multiplied by the square root of
+    their number, so that together they weigh as one fix. `patches`: by index of their scans, at least one. `sigmas`:
+    standard deviations [deg, m] by COLUMNS; None for those of usual instruments."""
     numbers, known = list(patches), list(patches.values())
     geodetic = np.array([patch.geodetic for patch in known])
     here = origin or rounded_origin(geodetic, "patch", [])
@@ -164,7 +164,7 @@ def placed(
         deviations = np.array([(sigmas or _SIGMAS)[column] for column in COLUMNS])
         deviations[:3] = np.radians(deviations[:3])
         if sigmas is None:
-            deviations[5] = np.hypot(deviations[5], _OF_DEPTH * patch.depth)
+            deviations[5] = np.hypot(deviations[5], _DEPTH_ERROR * patch.depth)
         deviations[3:] *= np.sqrt(patch.count)
         T = RigidTransform.from_components(place, patch.R_north_patch)
         priors.append(PosePrior(T, deviations))
@@ -175,7 +175,7 @@ def placed(
 def as_survey(
     scans: Sequence[Scan], patches: Mapping[int, PingPatch], odometry: Odometry | None = None
 ) -> tuple[Sequence[Scan], Odometry | None]:
-    """Scans, those of lines placed about the first of these, and the way within lines where no other is given."""
+    """Scans with priors for patches, in the world at the first patch, and the odometry, by default `way_within`."""
     if not patches:
         return scans, odometry
     there, _ = placed(scans, patches)
@@ -183,8 +183,8 @@ def as_survey(
 
 
 def way_within(scans: Sequence[Scan], patches: Collection[int]) -> Odometry | None:
-    """The way from patch to patch, as the lines' navigation has it; None where none of these scans is placed by it.
-    Patches share no pings, so that nothing but it tells how they lie to each other along a line."""
+    """Odometry from patch to patch by the lines' navigation; None if no patch has a complete prior. Patches share no
+    pings, so that only the navigation relates them along a line."""
     priors = {k: prior for k in patches if (prior := scans[k].prior) is not None and prior.is_complete}
     if not priors:
         return None

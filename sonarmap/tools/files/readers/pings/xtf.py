@@ -1,12 +1,11 @@
-"""XTF, the eXtended Triton Format, with R2Sonic's packets, as QINSy writes them (type 65): ranges and angles.
+"""Reader of XTF, the eXtended Triton Format, with R2Sonic's packets of ranges and angles (type 65, by QINSy).
 
-A ping is a header of 256 bytes (time, position and attitude of the sensor) and a packet BTH0. Its position and heave
-are those of the transducer, as the format calls them (Sensor...): in a real harbor survey soundings agree to 1.8 cm so,
-and to 3.6 cm when the offsets of the channel, (5.3, 1.2) m, are added. What of the offsets remains are the angles.
+A ping is a header of 256 bytes (time, position and attitude of the sensor) and a packet BTH0. Position and heave are
+those of the transducer, as their names (Sensor...) say: in a real harbor survey soundings then agree to 1.8 cm, and to
+3.6 cm if the offsets of the channel, (5.3, 1.2) m, are added. So only the channel's angles are applied.
 
-BTH0, ranges and angles of one ping, is big endian, in sections of a name and a size. Layout: R2Sonic's operation
-manual, "Bathymetry data format 0". Angles are those of the array, from its center line, the first one on the port side,
-ascending.
+BTH0, ranges and angles of one ping, is big endian, in sections with a name and a size. Layout: R2Sonic's operation
+manual, "Bathymetry data format 0". Angles are relative to the array's center line, ascending from the port side.
 """
 
 import struct
@@ -33,19 +32,19 @@ _H0 = np.dtype(
     {"names": ["model", "seconds", "nanoseconds", "sound_speed", "count"],
      "formats": ["S12", ">u4", ">u4", ">f4", ">u2"], "offsets": [0, 24, 28, 40, 110]}
 )  # fmt: skip
-_RANGES, _STEPS = 4, 32  # where in R0 and A2, after their names and sizes, these stand
-_DETECTED, _PASSED = 0b1100, 0b0011  # of the four flags of a point: phase or magnitude; brightness and colinearity
-_MAGIC, _START = b"\xce\xfa", 14  # of every packet: how it begins; bytes up to its size, which is their last four
-_R2SONIC, _TRITON, _ATTITUDE = 65, 68, 3  # R2Sonic's as QINSy writes them; as Triton does, where they hold BTH0, too
-_NAVIGATION, _RAW_BYTES = 107, 64  # raw positions; bytes of these and of attitudes
-_FILE_HEADER, _PING_HEADER = 1024, 256
-_CHANNELS = 6  # that the first file header describes; each further six take another
-_LARGEST = 1 << 24  # bytes of a packet
-_DEGREES = 3  # NavUnits
+_RANGES, _STEPS = 4, 32  # offsets of the ranges in R0 and of the angle steps in A2, after name and size
+_DETECTED, _PASSED = 0b1100, 0b0011  # flags of a point: phase or magnitude; brightness and colinearity
+_MAGIC, _START = b"\xce\xfa", 14  # first bytes of a packet; size of its header, which ends with the packet's size
+_R2SONIC, _TRITON, _ATTITUDE = 65, 68, 3  # types of packets: R2Sonic's by QINSy, and by Triton if they hold BTH0
+_NAVIGATION, _RAW_BYTES = 107, 64  # type of raw positions; size of these and of attitudes [bytes]
+_FILE_HEADER, _PING_HEADER = 1024, 256  # [bytes]
+_CHANNELS = 6  # described by the first file header; every six more take another header
+_LARGEST = 1 << 24  # [bytes], of a packet
+_DEGREES = 3  # value of NavUnits
 _BATHYMETRY = 3  # type of a channel
-_GAPS = {"position": 10.0, "attitude": 1.0}  # seconds between two that are interpolated
-_GROWTH = 16  # bytes of memory that a byte of the file takes at most: a sounding has four there
-# other packets with soundings, which this reader does not have
+_GAPS = {"position": 10.0, "attitude": 1.0}  # [s], longest gaps that are interpolated
+_GROWTH = 16  # bytes of memory per byte of the file, at most: a sounding has 4 bytes there
+# types of packets with soundings that this reader does not support
 _OTHERS = {2: "raw bathymetry", 5: "Elac ranges", 9: "SeaView bathymetry", 10: "SeaView depths", 16: "Elac XSE",
            17: "processed bathymetry (XYZA)", 19: "bathymetry of snippets", 22: "a single beam", 25: "multibeam",
            26: "QINSy single beam", 27: "QINSy multi-transducer", 28: "QINSy multibeam", 60: "Benthos C3D",
@@ -56,25 +55,25 @@ _OTHERS = {2: "raw bathymetry", 5: "Elac ranges", 9: "SeaView bathymetry", 10: "
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """What the echo sounder measured in one ping."""
+    """Measurements of the echo sounder in one ping."""
 
-    stamp: float  # [s, UTC]; 0 where the echo sounder has no clock
-    model: str  # as the echo sounder calls itself
+    stamp: float  # [s, UTC]; 0 if the echo sounder has no clock
+    model: str  # as in the packet
     sound_speed: float  # at the transducer [m/s]
     points: np.ndarray  # (n, 3) float64 [m] in the frame of the array: x forward, y port, z up
-    flags: np.ndarray | None  # (n,) uint8, four flags each; None where the packet has none
+    flags: np.ndarray | None  # (n,) uint8, four flags each; None if the packet has none
     has_range: np.ndarray  # (n,) bool
 
 
 def ranges_of(packet: bytes) -> Ranges:
-    """What a packet says."""
+    """The measurements in a packet BTH0."""
     sections = _sections(packet)
     if not {b"H0", b"R0"} <= sections.keys() or not sections.keys() & {b"A0", b"A2"}:
         raise InputError(f"has sections {b' '.join(sections).decode('ascii', 'replace')}; wanted H0, R0 and A0 or A2")
     header = np.frombuffer(_part(sections[b"H0"], 0, _H0.itemsize), _H0)[0]
     speed, count = float(header["sound_speed"]), int(header["count"])
     if not 1300 < speed < 1700:
-        raise InputError(f"says a speed of sound of {speed:g} m/s; wanted that of water")
+        raise InputError(f"has a speed of sound of {speed:g} m/s; wanted 1300 to 1700 m/s")
     times = _integers(sections[b"R0"], _RANGES, count) * _float(sections[b"R0"], 0)  # two-way [s]
     ranges, angles = times * (speed / 2), _angles(sections, count)
     points = np.column_stack([np.zeros(count), -ranges * np.sin(angles), -ranges * np.cos(angles)])
@@ -83,8 +82,8 @@ def ranges_of(packet: bytes) -> Ranges:
 
 
 def rejected(flags: np.ndarray, has_checks: bool) -> np.ndarray:
-    """(n,) bool, which points the echo sounder rejects. `has_checks`: whether this recording uses the two flags for
-    brightness and colinearity, which were reserved once and then are never set."""
+    """(n,) bool, which points the echo sounder rejects. `has_checks`: whether the recording uses the two flags for
+    brightness and colinearity, which older versions never set."""
     undetected = (flags & _DETECTED) == 0
     return undetected | ((flags & _PASSED) != _PASSED) if has_checks else undetected
 
@@ -93,18 +92,18 @@ def _sections(packet: bytes) -> dict[bytes, bytes]:
     """The content of each section, without its name and size."""
     if len(packet) < _PACKET.size or packet[:4] != MAGIC:
         raise InputError("does not begin with BTH0")
-    size, found, start = min(_PACKET.unpack_from(packet)[1], len(packet)), dict[bytes, bytes](), _PACKET.size
+    size, sections, start = min(_PACKET.unpack_from(packet)[1], len(packet)), dict[bytes, bytes](), _PACKET.size
     while start + _SECTION.size <= size:
         name, length = _SECTION.unpack_from(packet, start)
         if length < _SECTION.size or start + length > size:
             break
-        found.setdefault(name, packet[start + _SECTION.size : start + length])
+        sections.setdefault(name, packet[start + _SECTION.size : start + length])
         start += length
-    return found
+    return sections
 
 
 def _angles(sections: dict[bytes, bytes], count: int) -> np.ndarray:
-    """(n,) [rad] from the array's center line, positive to starboard; checked to be less than a half turn."""
+    """(n,) angles [rad] from the array's center line, positive to starboard, refused from a half turn on."""
     if b"A0" in sections:
         angles = np.linspace(_float(sections[b"A0"], 0), _float(sections[b"A0"], 4), count)
     else:
@@ -116,7 +115,7 @@ def _angles(sections: dict[bytes, bytes], count: int) -> np.ndarray:
 
 
 def _flags(section: bytes | None, count: int) -> np.ndarray | None:
-    """(n,) uint8, four bits each, the first point in the higher ones."""
+    """(n,) uint8 flags of points, from four bits each, the first point in the higher ones."""
     if section is None or 2 * len(section) < count:
         return None
     packed = np.frombuffer(section, np.uint8, (count + 1) // 2)
@@ -124,7 +123,7 @@ def _flags(section: bytes | None, count: int) -> np.ndarray | None:
 
 
 def _integers(section: bytes, start: int, count: int) -> np.ndarray:
-    """(n,) float64 of as many 16-bit ones."""
+    """(n,) float64 from `count` unsigned 16-bit integers."""
     return np.frombuffer(_part(section, start, 2 * count), ">u2").astype(np.float64)
 
 
@@ -133,7 +132,7 @@ def _float(section: bytes, start: int) -> float:
 
 
 def _part(section: bytes, start: int, size: int) -> bytes:
-    """So many bytes of a section, however many its count claims."""
+    """`size` bytes of a section from `start` on; refused if it has fewer."""
     if start + size > len(section):
         raise InputError(f"has a section of {len(section):,} bytes; wanted at least {start + size:,}")
     return section[start : start + size]
@@ -141,22 +140,22 @@ def _part(section: bytes, start: int, size: int) -> bytes:
 
 @dataclass(slots=True)
 class _Packets:
-    """What of a file was understood."""
+    """Content of a file."""
 
     headers: list[bytes] = field(default_factory=list)  # of pings, 256 bytes each
     ranges: list[Ranges] = field(default_factory=list)
     attitudes: list[bytes] = field(default_factory=list)
     positions: list[bytes] = field(default_factory=list)
     kinds: Counter[int] = field(default_factory=Counter)
-    skipped: int = 0  # bytes between packets, or of a packet that is cut
+    skipped: int = 0  # bytes between packets, or of a truncated packet
     damaged: int = 0  # pings whose packet cannot be read
     first: str = ""  # the first damage, in words
 
 
 def read_xtf(path: Path) -> RecordedLine:
     """The line of an XTF file."""
-    # Its layouts only. Its reader (xtf_read) unpickles a file that lies beside and is called NAME.pyxtf_idx, which
-    # could run any program; it also never ends where a damaged packet says that it has no bytes.
+    # Only pyxtf's layouts are used. Its reader (xtf_read) unpickles a file NAME.pyxtf_idx beside the recording, which
+    # could run any program; it also never ends at a damaged packet with a size of 0.
     import pyxtf
 
     content = read_content(path)
@@ -176,7 +175,7 @@ def read_xtf(path: Path) -> RecordedLine:
 
 
 def _packets(content: bytes, start: int) -> _Packets:
-    """Those that are wanted; after damage from the next packet on."""
+    """Read the packets that are used; after damage, continue at the next packet."""
     found = _Packets()
     for kind, first, last in _bounds(content, start, found):
         body = first + _PING_HEADER
@@ -213,7 +212,7 @@ def _bounds(content: bytes, start: int, found: _Packets) -> Iterator[tuple[int, 
 
 
 def _why_none(packets: _Packets) -> str:
-    """Why there is no ping, in words."""
+    """Why the file has no ping, in words."""
     if packets.damaged:
         return f"none of its {packets.damaged:,} pings can be read: {packets.first}; copy it again"
     held = [name for kind, name in _OTHERS.items() if packets.kinds[kind]]
@@ -255,12 +254,12 @@ def _line(name: str, header, packets: _Packets, pyxtf) -> RecordedLine:
 
 
 def _places(stamps: np.ndarray, heads: np.ndarray, packed: list[bytes], pyxtf) -> np.ndarray:
-    """(P, 2) latitudes and longitudes [deg] from the headers of pings, which have the transducer's; where these have
-    none, from packets of raw positions at these times: in a real file they are the transducer's, too, within 1 cm."""
+    """(P, 2) latitudes and longitudes [deg] of the transducer, from the headers of pings; if these have none,
+    interpolated from packets of raw positions, which are those of the transducer, too, within 1 cm in a real file."""
     places = np.column_stack([heads["SensorYcoordinate"], heads["SensorXcoordinate"]]).astype(np.float64)
     if places.any() or not packed:
         return places
-    # it counts tenths of milliseconds
+    # "Microsecond" counts tenths of milliseconds
     times, raw = _series(packed, pyxtf.XTFPosRawNavigation, "Microsecond", 1e4, ("RawYcoordinate", "RawXcoordinate"))
     raw[:, 1] = np.unwrap(raw[:, 1], period=360)
     places, known = between(stamps, times, raw, _GAPS["position"], 0.1)
@@ -269,8 +268,8 @@ def _places(stamps: np.ndarray, heads: np.ndarray, packed: list[bytes], pyxtf) -
 
 
 def _attitudes(stamps: np.ndarray, heads: np.ndarray, packed: list[bytes], pyxtf) -> tuple[np.ndarray, np.ndarray]:
-    """(P, 3) roll, pitch and heading [rad] and (P,) heave [m] at the times of the pings: between the packets of the
-    motion sensor, as the headers of pings only have its latest; from those headers where there are none."""
+    """(P, 3) roll, pitch and heading [rad] and (P,) heave [m] at the times of the pings: interpolated between packets
+    of the motion sensor, else the latest ones, in the headers of pings."""
     latest = np.column_stack([heads[key] for key in ("SensorRoll", "SensorPitch", "SensorHeading", "Heave")])
     latest = np.asarray(latest, np.float64)
     names = ("Roll", "Pitch", "Heading", "Heave")
@@ -286,7 +285,7 @@ def _attitudes(stamps: np.ndarray, heads: np.ndarray, packed: list[bytes], pyxtf
 def _series(
     packed: list[bytes], structure, fraction: str, ticks: float, names: tuple[str, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) stamps [s, UTC] and (n, k) numbers of packets, those that can be; `fraction` counts so many in a second."""
+    """(n,) stamps [s, UTC] and (n, k) fields `names` of valid packets; the field `fraction` has `ticks` per second."""
     rows = np.frombuffer(b"".join(packed), _layout(structure))
     times = np.array([_epoch(row, row[fraction] / ticks) for row in rows])
     values = np.column_stack([rows[name] for name in names]).astype(np.float64)
@@ -295,7 +294,7 @@ def _series(
 
 
 def _layout(structure) -> np.dtype:
-    """The dtype of a packet of pyxtf; NumPy by itself forgets the fields that it inherits."""
+    """The dtype of a structure of pyxtf; NumPy's own conversion leaves out inherited fields."""
     fields = dict(pair for base in structure.__mro__ for pair in vars(base).get("_fields_", ()))
     offsets = [getattr(structure, name).offset for name in fields]
     formats = [np.dtype(kind) for kind in fields.values()]
@@ -303,7 +302,7 @@ def _layout(structure) -> np.dtype:
 
 
 def _epoch(row: np.void, fraction: float) -> float:
-    """The stamp of a packet [s, UTC]; NaN where it has no time."""
+    """The stamp of a packet [s, UTC]; NaN if it has no valid time."""
     try:
         parts = [int(row[key]) for key in ("Year", "Month", "Day", "Hour", "Minute", "Second")]
         return datetime(*parts, tzinfo=UTC).timestamp() + float(fraction)
@@ -317,8 +316,8 @@ def _notes(header, channel) -> list[str]:
     if any(offsets):
         where = ", ".join(f"{offset:.2f}" for offset in offsets)
         notes.append(
-            f"the transducer's offsets ({where} m to starboard, forward and down) are not added, as the positions and "
-            "heave of pings are its own"
+            f"the transducer's offsets ({where} m to starboard, forward and down) are not added: positions and "
+            "heave of pings are those of the transducer"
         )
     names = [f"{part}Offset{axis}" for part in ("Nav", "MRU") for axis in ("X", "Y", "Z", "Yaw", "Pitch", "Roll")]
     if any(getattr(header, name, 0) for name in names):

@@ -68,7 +68,7 @@ def test_depths_are_below_the_water_where_the_draught_is_known(tmp_path: Path, d
     assert all(patch.below_water == is_known for patch in known)
     assert any("--draught M" in note for note in notes) != is_known
     if deep == 0:
-        with pytest.raises(InputError, match="says how deep the transducer was; leave --draught out"):
+        with pytest.raises(InputError, match="has the depth of its transducer; leave --draught out"):
             list(line_clouds(path, [], LineReading(draught=1.0)))
 
 
@@ -231,7 +231,7 @@ def test_pings_without_a_position_are_left_out(tmp_path: Path) -> None:
     parts += [EM.motion(LINE.stamps[0], [(0.5 * k, 1.0, 2.0) for k in range(12)])]
     found = read(tmp_path / "line.all", b"".join(parts))
     assert len(found.stamps) == 6  # two seconds after the last position
-    assert found.notes == ("6 pings left out, without a time, position or attitude that can be",)
+    assert found.notes == ("6 pings left out, without a valid time, position or attitude",)
 
 
 WRONG: list[tuple[str, Callable[[], bytes], str]] = [
@@ -257,7 +257,7 @@ WRONG: list[tuple[str, Callable[[], bytes], str]] = [
     (".all", lambda: EM.swath(LINE, 0, 1.0), "less than two positions"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-v03.09\0\0", "it holds no ping with soundings"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-x03", "the GSF library cannot read it"),
-    (".kmall", lambda: b"\0\1\0\0#IIP" + bytes(90), "no library that is kept up reads Kongsberg's .kmall; convert it"),
+    (".kmall", lambda: b"\0\1\0\0#IIP" + bytes(90), "no maintained library reads Kongsberg's .kmall; convert it"),
     (
         ".s7k",
         lambda: b"x",
@@ -316,7 +316,7 @@ def test_a_gsf_child_that_dies_or_hangs(tmp_path: Path, monkeypatch: pytest.Monk
     path, child = write_gsf(tmp_path / "line.gsf", LINE), tmp_path / "child.py"
     real = gsf._CHILD.read_text()
     monkeypatch.setattr(gsf, "_CHILD", child)
-    monkeypatch.setattr(gsf, "_PATIENCE", 4.0)
+    monkeypatch.setattr(gsf, "_START_TIMEOUT", 4.0)
     child.write_text("import os; os.abort()")
     refuses(r"line.gsf: the GSF library cannot read it \(ended with SIGABRT\)", read_line, path, [])
     printed = "_print_ping(record.mb_ping, parameters, out)\n"
