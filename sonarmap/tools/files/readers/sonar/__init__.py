@@ -1,4 +1,4 @@
-"""What does a recording of a Sonar 3D-15 hold? Packets one by one, messages, shots in order, attitude from its IMU.
+"""Reader of recordings of the Sonar 3D-15: packets, messages, shots in order, and attitude from its IMU.
 
-In: a `.sonar` file. Out: frames with strengths, stamps and priors, and what was lost or damaged.
+In: a `.sonar` file. Out: point clouds with strengths, stamps and priors, and notes on lost or damaged packets.
 """

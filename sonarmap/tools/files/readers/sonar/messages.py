@@ -1,8 +1,8 @@
-"""A packet's message, decoded by wlsonar, and the shots of a recording in their order.
+"""Messages of packets, decoded by wlsonar, and the shots of a recording in order.
 
-The pixels of a range image are decoded here, at once, to points. The device looks along x with y to the right and z
-DOWN (wlsonar, Range Image Protocol RIP2); the points are turned here, once, to x forward, y left, z up. A shot has its
-strength image, whichever of the two came first. Shots' numbers wrap, start again, and show how many are missing.
+The pixels of a range image are converted to points here. The device looks along x with y to the right and z DOWN
+(wlsonar, Range Image Protocol RIP2); the points have x forward, y left, z up. A shot is joined with its strength image,
+whichever comes first. The numbers of shots may wrap or start again, and show how many shots are missing.
 """
 
 import heapq
@@ -23,28 +23,28 @@ from sonarmap.tools.files.readers.sonar.packets import LARGEST_PACKET
 
 STRENGTH = rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE
 _LINEAR = np.where(np.arange(256) > 0, 30.0 * 10.0 ** (np.arange(256) / 100.0), 0.0)  # strength of every level
-_SNAPPY_RATIO = 22  # Snappy's longest copy is of 64 bytes, and takes three
-REACH = 16  # shots that a packet may come too late
-WAITING = REACH + 1  # shots that wait: with fewer, a shot that comes late leaves before its strength image
+_SNAPPY_RATIO = 22  # largest compression: Snappy's longest copy has 64 bytes and takes three
+REACH = 16  # largest delay of a packet [shots]
+WAITING = REACH + 1  # shots in the queue: with fewer, a late shot would leave before its strength image
 _EARLY = 2 * REACH  # strength images that wait for their range image
-_RANGE = 1 << 32  # sequence_id is a uint32, and begins at 0 again
-_MOST_MISSING = 1 << 16  # in a row; more is another count of a sonar that was restarted
-_REMEMBERED = 1 << 16
+_RANGE = 1 << 32  # sequence_id is a uint32, and wraps to 0
+_MAX_MISSING = 1 << 16  # consecutive shots; after more, the sonar was restarted
+_REMEMBERED = 1 << 16  # keys
 
 
 def message_of(content: bytes, *kinds: type[Message]) -> Message | None:
-    """The message of a packet whose checksum is right, of one of the `kinds` of wlsonar; None for another kind."""
+    """The message of a packet with a right checksum, if it is of one of the `kinds` of wlsonar, else None."""
     try:
         _require_believable(content)
         return rip.unpackb(content, known_message_types=kinds, max_packet_size=LARGEST_PACKET)
     except rip.UnknownProtobufTypeError:
-        return None  # the protocol says to skip what is not documented
+        return None  # the protocol says to skip undocumented types
     except (ValueError, DecodeError) as error:
         raise InputError(f"is damaged ({error})") from error
 
 
 def _require_believable(packet: bytes) -> None:
-    """Refuse a Snappy block that claims more than its bytes can hold, before room is made for it."""
+    """Refuse a Snappy block whose claimed size exceeds what its bytes can hold, before memory is allocated."""
     if packet.startswith(b"RIP1"):
         return  # not compressed
     claimed = 0
@@ -60,19 +60,19 @@ def _require_believable(packet: bytes) -> None:
 class Frame:
     """A range image."""
 
-    number: int  # the sonar's number of its shot, 0 to 2^32 - 1
-    stamp: float | None  # when, by the sonar's clock [s, UTC]; None where it is not said
+    number: int  # of its shot, 0 to 2^32 - 1
+    stamp: float | None  # by the sonar's clock [s, UTC]; None if unknown
     points: np.ndarray  # (N, 3) float64 [m], x forward, y left, z up
-    pixels: np.ndarray  # (N,) of the image's, row by row, where the points are
+    pixels: np.ndarray  # (N,) int64 row-major indices of the points' pixels
     shape: tuple[int, int]  # width and height of the image
-    sound_speed: float | None  # with which the sonar computed ranges [m/s]; None where it is not said
+    sound_speed: float | None  # with which the sonar computed ranges [m/s]; None if unknown
 
 
 def frame_of(image: rip.RangeImage) -> Frame:
-    """Raises InputError: an image that contradicts itself."""
+    """Convert a range image to points; an inconsistent one raises InputError."""
     width, height, scale = image.width, image.height, image.image_pixel_scale
     fields = (image.fov_horizontal, image.fov_vertical)
-    # A scale that is NaN spoils this frame alone: its points are NaN, and told as such.
+    # A scale that is NaN is accepted: the points of this frame are NaN, and reported as such.
     if not all(0 < fov <= 360 for fov in fields) or not (0 < scale < math.inf or math.isnan(scale)):
         raise InputError(f"is a range image with fields of view {fields} degrees and scale {scale} m, wanted above 0")
     values = np.fromiter(image.image_pixel_data, np.uint32)
@@ -87,22 +87,22 @@ def frame_of(image: rip.RangeImage) -> Frame:
 
 @lru_cache(maxsize=2)
 def _directions(width: int, height: int, horizontal: float, vertical: float) -> np.ndarray:
-    """(width * height, 3) of the pixels, x forward, y left, z up; fields of view in degrees."""
+    """(width * height, 3) unit vectors of the pixels, x forward, y left, z up; fields of view in degrees."""
     row, column = np.divmod(np.arange(width * height), max(width, 1))
     yaw = math.radians(horizontal) * (column / max(width - 1, 1) - 0.5)  # to the right
-    pitch = math.radians(vertical) * (row / max(height - 1, 1) - 0.5)  # upwards: row 0 is the lowest
+    pitch = math.radians(vertical) * (row / max(height - 1, 1) - 0.5)  # upward: row 0 is the lowest
     return np.stack([np.cos(pitch) * np.cos(yaw), -np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=1)
 
 
 def stamp_of(image: Any) -> float | None:
-    """Seconds in UTC by the sonar's clock; None where the message has no time."""
+    """The stamp by the sonar's clock [s, UTC]; None if the message has no time."""
     if not image.header.HasField("timestamp"):
         return None
     return image.header.timestamp.seconds + image.header.timestamp.nanos * 1e-9
 
 
 def strength_of(frame: Frame, image: rip.BitmapImageGreyscale8) -> np.ndarray:
-    """(N,) float64 linear strength of each of the frame's points, 30 x 10^(v / 100), 0 where there is none."""
+    """(N,) float64 linear strength of the frame's points, 30 x 10^(v / 100) of level v, 0 for level 0."""
     levels = np.frombuffer(image.image_pixel_data, np.uint8)
     if (image.width, image.height) != frame.shape or len(levels) != image.width * image.height:
         raise InputError(
@@ -113,23 +113,23 @@ def strength_of(frame: Frame, image: rip.BitmapImageGreyscale8) -> np.ndarray:
 
 
 class ShotNumbers:
-    """Puts wrapping numbers in one order as they come, and counts: shots that came `late`, after a later one, how often
-    the numbers wrapped, and how often they started again (`restarts`). A fall by more than half of 2^32 is a wrap, one
-    by a few a packet that came late, any other that the count started again, as after a restart of the sonar."""
+    """Order of shots from their wrapping numbers, and counts: `late` shots, which came after a later one, `wraps` of
+    the numbers, and `restarts` of the count. A decrease by more than half of 2^32 is a wrap, one by at most `REACH` a
+    late packet, and any other a restart of the sonar."""
 
     def __init__(self) -> None:
         self.late = self.wraps = self.restarts = 0
         self._missing_before = self._count = 0
-        self._number = self._place = self._lowest = 0  # of the latest shot, and of the first since the last restart
+        self._number = self._place = self._lowest = 0  # of the latest shot; place of the first since a restart
         self._stamp: float | None = None
 
     @property
     def missing(self) -> int:
-        """How many numbers between the first and the last, since each restart, did not come."""
+        """Number of missing shots between the first and the last one of each restart."""
         return self._missing_before + (self._place - self._lowest + 1 - self._count if self._count else 0)
 
     def place(self, number: int, stamp: float | None) -> int:
-        """Where a shot that did not come before belongs, by its number, 0 to 2^32 - 1, and its time [s]: ascends in the
+        """Place of a new shot in the recording, from its number, 0 to 2^32 - 1, and its stamp [s]: ascending in the
         order in which shots were taken, by 1 if none is missing."""
         step = (number - self._number + _RANGE // 2) % _RANGE - _RANGE // 2
         is_later = stamp is not None and self._stamp is not None and stamp > self._stamp
@@ -138,7 +138,7 @@ class ShotNumbers:
             self._count += 1
             self._lowest = min(self._lowest, self._place + step)
             return self._place + step
-        if self._count and 0 < step <= _MOST_MISSING:
+        if self._count and 0 < step <= _MAX_MISSING:
             self.wraps += number < self._number
             self._count += 1
             self._place += step
@@ -150,19 +150,19 @@ class ShotNumbers:
     def _start_again(self) -> None:
         self.restarts += self._count > 0
         self._missing_before = self.missing
-        self._place += 2 * REACH  # late ones still come before it, and after what was there before
+        self._place += 2 * REACH  # late shots still fit between the earlier shots and it
         self._lowest, self._count = self._place, 1
 
 
 class Remembered:
-    """The latest keys of many, to recognize what comes twice."""
+    """The latest keys, at most `most`, to recognize duplicates."""
 
     def __init__(self, most: int = _REMEMBERED) -> None:
         self._keys: dict[Hashable, None] = {}
         self._most = most
 
     def is_new(self, key: Hashable) -> bool:
-        """Whether the key did not come before; it is remembered, and the oldest forgotten where there are too many."""
+        """Whether the key is not remembered; it is added, and the oldest one is forgotten if there are too many."""
         is_new = key not in self._keys
         self._keys.setdefault(key)
         if len(self._keys) > self._most:
@@ -172,16 +172,16 @@ class Remembered:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A range image with what belongs to it."""
+    """A range image with its strengths."""
 
-    place: int  # ascends from shot to shot, by 1 if none is missing
+    place: int  # ascending from shot to shot, by 1 if none is missing
     frame: Frame  # the range image
     strength: np.ndarray | None = None  # (N,) float64 linear echo strength of the frame's points, or None
 
 
 class ShotQueue:
-    """Shots wait here until seventeen have come after them: for strength images, and for shots that come late.
-    `doubled` images came twice, and were left out; the range image of a strength image that is `alone` never came."""
+    """Shots wait here for their strength images and for late shots, until `WAITING` others follow. `doubled`: number of
+    images that came twice and were left out; `alone`: number of strength images whose range image never came."""
 
     def __init__(self) -> None:
         self.numbers = ShotNumbers()
@@ -194,7 +194,7 @@ class ShotQueue:
         self._frames, self._strengths = Remembered(), Remembered()
 
     def add_frame(self, frame: Frame) -> None:
-        """A range image has come."""
+        """Add a range image."""
         if not self._frames.is_new((frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))):
             self.doubled += 1
             return
@@ -209,7 +209,7 @@ class ShotQueue:
             self._join(arrival, image)
 
     def add_strength(self, image: rip.BitmapImageGreyscale8) -> None:
-        """A strength image has come."""
+        """Add a strength image."""
         number = image.header.sequence_id
         if not self._strengths.is_new((number, stamp_of(image) or zlib.crc32(image.image_pixel_data))):
             self.doubled += 1
@@ -225,7 +225,7 @@ class ShotQueue:
             self.alone += 1
 
     def shots(self, waiting: int) -> Iterator[Shot]:
-        """Shots in their order until so many wait."""
+        """Shots in order, until only `waiting` are left in the queue."""
         while len(self._order) > waiting:
             _, arrival = heapq.heappop(self._order)
             shot = self._shots.pop(arrival)
@@ -244,6 +244,6 @@ class ShotQueue:
 
 
 def _together(frame: Frame, image: rip.BitmapImageGreyscale8) -> bool:
-    """Whether two images of one number are of one shot: numbers may start again."""
+    """Whether two images with one number are of one shot: numbers may start again."""
     stamp = stamp_of(image)
     return stamp is None or frame.stamp is None or stamp == frame.stamp

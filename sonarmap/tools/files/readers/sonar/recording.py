@@ -1,6 +1,6 @@
-"""A recording of the Water Linked Sonar 3D-15 (.sonar): its shots, one cloud each, read one after the other.
+"""Reader of a recording of the Water Linked Sonar 3D-15 (.sonar): one cloud per shot, in order.
 
-What was lost, damaged or out of order on the way is counted.
+Lost, damaged and late packets are counted.
 """
 
 from array import array
@@ -32,24 +32,24 @@ from sonarmap.tools.files.readers.sonar.messages import (
 from sonarmap.tools.files.readers.sonar.packets import Damage, no_more, packets_in
 from sonarmap.tools.files.time_scales import clock_faults, clock_of
 
-_SAME_SPEED = 0.05  # [m/s]
-_JUMP = 1.0  # seconds by which the clock and the numbers of the shots disagree
+_SAME_SPEED = 0.05  # [m/s], differences that are no change of the speed of sound
+_JUMP = 1.0  # [s], least jump of the clock relative to the numbers of the shots
 _FLIP = np.array([1.0, -1.0, -1.0])  # to x forward, y left, z up
 _GRAVITY = 9.81  # [m/s^2]; 9.78 to 9.83 on Earth
-_AROUND = 0.5  # samples this long before and after a shot are averaged [s]
-_NEAR = 0.1  # one of them is at least so near [s]
-_LEAST = 10  # samples
-_PARTS = 5  # of the samples, whose means show how much the vehicle accelerates
-_MOST_UNSTEADY = 0.05  # share of gravity; a vehicle that accelerates more has no attitude from this
-_UNSEEN = np.deg2rad(1.5)  # of roll and pitch: a small accelerometer is off by 0.02 g, slow waves accelerate as much
-_HELD = 8192  # samples
+_AROUND = 0.5  # [s], before and after a shot, in which samples are averaged
+_NEAR = 0.1  # [s], largest distance of the nearest sample
+_MIN_SAMPLES = 10
+_PARTS = 5  # of the samples, whose means show the vehicle's acceleration
+_MAX_ACCELERATION = 0.05  # share of gravity, up to which samples give an attitude
+_MIN_SIGMA = np.deg2rad(1.5)  # of roll and pitch: small accelerometers err by 0.02 g, and slow waves accelerate as much
+_HELD = 8192  # samples that are kept
 
 
 @dataclass(frozen=True, slots=True)
 class ImuSamples:
     times: np.ndarray  # (n,) float64 [s, UTC]
     forces: np.ndarray  # (n, 3) float64 specific force [m/s^2], x forward, y left, z up
-    rates: np.ndarray  # (n, 3) float64 turn rates [rad/s], about the same axes
+    rates: np.ndarray  # (n, 3) float64 turn rates [rad/s] about the same axes
 
 
 def _joined(parts: Sequence[ImuSamples]) -> ImuSamples:
@@ -57,7 +57,7 @@ def _joined(parts: Sequence[ImuSamples]) -> ImuSamples:
 
 
 def samples_of(batch: rip.ImuBatch) -> ImuSamples:
-    """The samples of a message."""
+    """The samples of a message, in ImuSamples' axes."""
     times = np.array([time.seconds + time.nanos * 1e-9 for time in batch.timestamp])
     forces, rates = (np.array(values, dtype=np.float64) for values in (batch.specific_force, batch.rate_of_turn))
     if not len(times) == batch.samples == len(forces) / 3 == len(rates) / 3:
@@ -71,7 +71,7 @@ def samples_of(batch: rip.ImuBatch) -> ImuSamples:
 
 
 class ImuWindow:
-    """The latest samples of a recording that is being read, and the attitude that they give a shot among them."""
+    """The latest samples of a recording that is being read, from which the attitude of a shot is computed."""
 
     def __init__(self) -> None:
         self._batches: deque[tuple[float, float, ImuSamples]] = deque()  # with their first and last time
@@ -86,7 +86,7 @@ class ImuWindow:
             self._held -= len(self._batches.popleft()[2].times)
 
     def prior_at(self, stamp: float | None) -> PosePrior | None:
-        """Roll and pitch at a time [s]; None where too few samples are near it, or the vehicle accelerates."""
+        """Roll and pitch at a stamp [s]; None if too few samples are near it, or the vehicle accelerates too much."""
         if stamp is None:
             return None
         low, high = stamp - _AROUND, stamp + _AROUND
@@ -100,12 +100,12 @@ class ImuWindow:
 
 
 def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
-    """Roll and pitch at a time [s], from ascending samples around it; None where they do not tell. Each force is turned
-    to the sensor's frame at that time by the turn rates in between, and their mean points up. What means of five parts
-    scatter, and what the mean's length is off gravity, is acceleration, and part of the standard deviation, beside what
-    neither shows."""
+    """Roll and pitch at a stamp [s], from ascending samples around it; None if there are too few or the vehicle
+    accelerates too much. The turn rates rotate each force to the sensor's frame at the stamp; the mean force points up.
+    The scatter of the means of five parts, and the difference of the mean's length from gravity, measure acceleration;
+    both are added in quadrature to the smallest standard deviation."""
     times, forces = samples.times, samples.forces
-    if len(times) < _LEAST or np.abs(times - stamp).min() > _NEAR:
+    if len(times) < _MIN_SAMPLES or np.abs(times - stamp).min() > _NEAR:
         return None
     steps = np.diff(times)[:, None] * (samples.rates[1:] + samples.rates[:-1]) / 2
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
@@ -121,18 +121,18 @@ def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
     parts = np.array([part.mean(axis=0) for part in np.array_split(forces, _PARTS)])
     sideways = parts - parts @ up[:, None] * up
     unsteady = float(np.sqrt((sideways**2).sum(axis=1).mean() / 2)) / _GRAVITY
-    if max(off, unsteady) > _MOST_UNSTEADY:
+    if max(off, unsteady) > _MAX_ACCELERATION:
         return None
-    # The third row of R_world_sensor is up, seen from the sensor: (-sin pitch, cos pitch sin roll, cos pitch cos roll)
+    # The third row of R_world_sensor is up in the sensor's frame: (-sin pitch, cos pitch sin roll, cos pitch cos roll)
     pitch, roll = -np.arcsin(np.clip(up[0], -1, 1)), np.arctan2(up[1], up[2])
-    sigma = float(np.sqrt(_UNSEEN**2 + unsteady**2 + off**2))
+    sigma = float(np.sqrt(_MIN_SIGMA**2 + unsteady**2 + off**2))
     R_world_sensor = Rotation.from_euler("ZYX", [0.0, pitch, roll])
     return PosePrior(RigidTransform.from_rotation(R_world_sensor), np.array([sigma] * 2 + [np.inf] * 4))
 
 
 def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The turn rates that the IMU of a `.sonar` file measured: times (n,) [s, UTC by the sonar's clock], ascending, and
-    rates (n, 3) [rad/s] about x forward, y left, z up."""
+    """Turn rates of the IMU in a `.sonar` file: times (n,) [s, UTC by the sonar's clock], ascending, and rates (n, 3)
+    [rad/s] about x forward, y left, z up."""
     batches: list[ImuSamples] = []
     seen = Remembered()
     for packet in packets_in(path, Damage()):
@@ -142,7 +142,7 @@ def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
                 continue
             samples = samples_of(message)
         except InputError:
-            continue  # told where the recording is read
+            continue  # reported by `Recording.read`
         if seen.is_new(batch_key(message, samples)):
             batches.append(samples)
     if not any(len(batch.times) for batch in batches):
@@ -153,24 +153,24 @@ def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def batch_key(batch: rip.ImuBatch, samples: ImuSamples) -> tuple[int, float | None]:
-    """What tells a batch from others: its number, and its first time."""
+    """The key of a batch, which recognizes duplicates: its number and first time."""
     return batch.batch_sequence_id, float(samples.times[0]) if len(samples.times) else None
 
 
 @dataclass(slots=True)
 class Recording:
-    """What is known of a recording as far as it was read."""
+    """State and counts of a recording that is being read."""
 
-    packets: int = 0  # good ones, of any kind
-    shots: int = 0  # range images, each once
-    bare: int = 0  # how many of them have no strength image
-    doubled_batches: int = 0  # of the IMU
+    packets: int = 0  # good packets of any kind
+    shots: int = 0  # range images without duplicates
+    bare: int = 0  # shots without a strength image
+    doubled_batches: int = 0  # duplicate batches of the IMU
     damage: Damage = field(default_factory=Damage)  # packets that could not be read
-    read_until: int = 0  # the byte behind the last packet
-    queue: ShotQueue = field(default_factory=ShotQueue)  # counts what is doubled, missing or late among the images
-    batches: ShotNumbers = field(default_factory=ShotNumbers)  # counts the same of the IMU's batches
-    imu: ImuWindow = field(default_factory=ImuWindow)  # the latest of its samples
-    speeds: tuple[float, float, int] | None = None  # lowest and highest speed of sound [m/s], and how often it changed
+    read_until: int = 0  # the byte after the last packet
+    queue: ShotQueue = field(default_factory=ShotQueue)  # also counts doubled, missing and late images
+    batches: ShotNumbers = field(default_factory=ShotNumbers)  # counts missing batches of the IMU
+    imu: ImuWindow = field(default_factory=ImuWindow)  # its latest samples
+    speeds: tuple[float, float, int] | None = None  # lowest and highest speed of sound [m/s], and number of changes
     _seen: Remembered = field(default_factory=Remembered)
     _speed: float | None = None
     _stamps: array = field(default_factory=lambda: array("d"))
@@ -179,7 +179,7 @@ class Recording:
     def read(
         self, path: Path, waiting: int = WAITING, more: Callable[[], bool] = no_more, start: int = 0
     ) -> Iterator[Shot]:
-        """Every shot in its order, each when so many have come after it, as late ones may; `more` and `start` are as of
+        """Every shot in order, each as soon as `waiting` shots have come after it; `more` and `start` as of
         `packets_in`."""
         kinds = (rip.RangeImage, rip.BitmapImageGreyscale8, rip.ImuBatch)
         for packet in packets_in(path, self.damage, more, start):
@@ -209,7 +209,7 @@ class Recording:
                 self.doubled_batches += 1
 
     def cloud(self, shot: Shot) -> Cloud:
-        """A shot's points, with its attitude as the IMU has it by what was read so far."""
+        """The cloud of a shot, with its attitude from the IMU samples that were read so far."""
         frame, prior = shot.frame, self.imu.prior_at(shot.frame.stamp)
         return Cloud(frame.points, shot.strength, frame.stamp, prior=prior, sound_speed=frame.sound_speed)
 
@@ -227,8 +227,7 @@ class Recording:
         return shot
 
     def notes(self, changed: float | None = None) -> list[str]:
-        """What the user should know about the recording as a whole, a line each. `changed`: when the file was last
-        changed [s, UTC]."""
+        """Notes for the user on the recording as a whole. `changed`: when the file was last changed [s, UTC]."""
         damage, queue, numbers = self.damage, self.queue, self.queue.numbers
         missing, total, batches = numbers.missing, self.shots + numbers.missing, self.batches.missing
         which = "" if damage.packets == 1 else "the first is "
@@ -266,7 +265,7 @@ class Recording:
             )
 
     def _jumps(self) -> tuple[int, float]:
-        """How often the clock went on by another time than the numbers say, and by how much at most [s]."""
+        """Number of jumps of the clock relative to the numbers of the shots, and the largest one [s]."""
         numbers = np.diff(np.array(self._places, dtype=np.float64))
         times = np.diff(np.array(self._stamps, dtype=np.float64))
         known = (numbers > 0) & (numbers <= REACH)
@@ -283,8 +282,8 @@ def _times(number: int) -> str:
 
 
 def stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
-    """One cloud per range image, in the order of the shots; one without an echo is empty. What is lost, doubled,
-    damaged or out of order leaves a gap, and is added to the notes when all is read."""
+    """One cloud per range image, in the order of the shots, empty without an echo. Lost, doubled, damaged and late
+    packets are added to `notes` when all is read."""
     recording = Recording()
     for shot in recording.read(path):
         yield recording.cloud(shot)
