@@ -86,11 +86,11 @@ def _mapped(header: Sequence[str], settings: NavigationSettings, notes: list[str
                 f"--nav-columns: {len(places)} columns are called {heading!r}; wanted one of "
                 f"{', '.join(repr(each) for each in header)}"
             )
-        says = column_of(places[0], header[places[0]])
-        if says and quantity.endswith("_m") and says.quantity in ("lat_deg", "lon_deg"):
+        stated = column_of(places[0], header[places[0]])
+        if stated and quantity.endswith("_m") and stated.quantity in ("lat_deg", "lon_deg"):
             raise InputError(
                 f"--nav-columns: {heading!r} holds degrees on the Earth, and {quantity} is in meters; give "
-                f"{says.quantity}={heading}"
+                f"{stated.quantity}={heading}"
             )
         of[quantity] = column_of(places[0], header[places[0]], quantity) or Column(places[0], heading, quantity)
     return of

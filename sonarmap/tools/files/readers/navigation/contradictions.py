@@ -315,37 +315,37 @@ def contradiction_of_map(
         return None
     values, sigmas = measured_values(priors)
     columns = [k for kind in kinds if kind in KINDS for k in range(*KINDS[kind].indices(6))]
-    own = np.isin(np.arange(6), columns) & np.isfinite(values).any(axis=0)
-    given, edges = _apart(graph, values, sigmas)
-    counted = np.isfinite(values)[:, own].sum()
+    used = np.isin(np.arange(6), columns) & np.isfinite(values).any(axis=0)
+    given, edges = _residuals(graph, values, sigmas)
+    counted = np.isfinite(values)[:, used].sum()
     ordinary = [
-        _cost(np.where(own, given / times, given), 1) + edges + 2 * counted * np.log(times) for times in (1.0, *TIMES)
+        _cost(np.where(used, given / times, given), 1) + edges + 2 * counted * np.log(times) for times in (1.0, *TIMES)
     ]
-    ordinary.append(_total(graph, np.where(own, 0.0 * values, values), sigmas))
+    ordinary.append(_total(graph, np.where(used, 0.0 * values, values), sigmas))
     falls: dict[str, float] = {}
     for name, changed in corrected(values, origin):
         differ = ~np.isclose(changed, values, equal_nan=True).all(axis=0)
         # shifted rows and scaled scans are hypotheses for pairs only
-        if np.isnan(changed).sum() == np.isnan(values).sum() and name not in SIZES and (differ & own).any():
+        if np.isnan(changed).sum() == np.isnan(values).sum() and name not in SIZES and (differ & used).any():
             falls[name] = min(ordinary) - _total(graph, changed, sigmas)
     return best_of(falls, _MIN_SIGMAS_OF_MAP)
 
 
-def _cost(apart: np.ndarray, numbers: int) -> float:
-    """-2 log likelihood of residuals `apart` [sigmas] of `numbers` dimensions each under Student's t; NaN counts 0."""
-    return float(np.nansum((TAILS + numbers) * np.log1p(apart**2 / TAILS)))
+def _cost(residuals: np.ndarray, numbers: int) -> float:
+    """-2 log likelihood of `residuals` [sigmas] of `numbers` dimensions each under Student's t; NaN counts 0."""
+    return float(np.nansum((TAILS + numbers) * np.log1p(residuals**2 / TAILS)))
 
 
 def _total(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> float:
     """Cost of the measurements and edges together; infinite if the graph has no solution."""
     try:
-        apart, edges = _apart(graph, values, sigmas)
+        residuals, edges = _residuals(graph, values, sigmas)
     except InputError:
         return np.inf
-    return _cost(apart, 1) + edges
+    return _cost(residuals, 1) + edges
 
 
-def _apart(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> tuple[np.ndarray, float]:
+def _residuals(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> tuple[np.ndarray, float]:
     """(n, 6) residuals of the measurements at the optimum [sigmas], and the cost of the edges there."""
     known = np.isfinite(values)
     poses = poses_of(np.nan_to_num(values))
@@ -355,6 +355,6 @@ def _apart(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> tuple[np.nda
     }
     judged = judge_fixes(replace(graph, priors=()), given)
     solution = replace(graph, priors=tuple(sorted(judged.priors.items()))).optimize(covariances=False)
-    apart = values - values_of(solution.trajectory.T_world_sensor)
-    apart[:, :3] = np.radians((apart[:, :3] + 180) % 360 - 180)
-    return apart / sigmas, _cost(solution.residuals, 6)
+    residuals = values - values_of(solution.trajectory.T_world_sensor)
+    residuals[:, :3] = np.radians((residuals[:, :3] + 180) % 360 - 180)
+    return residuals / sigmas, _cost(solution.residuals, 6)

@@ -60,8 +60,8 @@ class Mount:
         with the arm's length added to its error."""
         if vehicle.knows_heading and not vehicle.knows_attitude and np.degrees(self.tilt) > _MAX_MOUNT_TILT:
             raise InputError(
-                f"the sonar is mounted at a tilt of {np.degrees(self.tilt):.0f} degrees, where a heading alone does "
-                "not say how it was turned; add columns of roll and pitch"
+                f"the sonar is mounted at a tilt of {np.degrees(self.tilt):.0f} degrees, for which a heading alone "
+                "is not enough; add columns of roll and pitch"
             )
         T_world_sensor = vehicle.T_world_sensor * self.T_vehicle_sensor
         R, arm = vehicle.T_world_sensor.rotation, self.T_vehicle_sensor.translation
@@ -202,12 +202,12 @@ def local_places(
     if are_degrees:
         unset = known & (values[:, 3:5] == 0).all(axis=1)
         if unset.any():
-            notes.append(f"{unset.sum()} rows are at 0, 0, as without a fix; they have no place")
+            notes.append(f"{unset.sum()} rows are at 0, 0, as without a fix; these positions are left out")
         known &= ~unset
     values[~known, 3:5] = np.nan
     if not known.any():
         raise InputError(
-            "no row has a place; wanted a latitude and longitude, or an easting and northing, in some rows"
+            "no row has a position; wanted a latitude and longitude, or an easting and northing, in some rows"
         )
     # East and North at the vehicle's depth; at the surface where no depth is known
     heights = -np.nan_to_num(values[known, 5])
@@ -237,8 +237,8 @@ def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> 
     """The projection whose grid North headings count from."""
     if georeference is None:
         raise InputError(
-            "--heading-reference grid: the grid's North depends on the place; give --origin, or navigation with places "
-            "on the Earth"
+            "--heading-reference grid: grid North depends on the position; give --origin, or navigation with "
+            "geographic positions"
         )
     return Projection.of(georeference, settings.crs)
 

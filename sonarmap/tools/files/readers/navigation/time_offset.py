@@ -61,7 +61,7 @@ def estimate_offset(
     span = max(times_a[-1], times_b[-1]) - min(times_a[0], times_b[0])
     step = max(_MIN_STEP, usual / 2, min(span / _MAX_STEPS, _WIDTHS[0] / 4))  # coarser for dives of days
     if span > _MAX_STEPS * step:
-        raise _refused(f"the two span {span / 86400:.0f} days, or have a jump; wanted times of one dive")
+        raise _refused(f"the times span {span / 86400:.0f} days, or have a jump; wanted those of one dive")
     reasons: list[InputError] = []
     estimates: list[TimeOffset] = []
     for width in _WIDTHS:
@@ -93,7 +93,7 @@ def _estimate(of_a: _Rates, of_b: _Rates, step: float, width: float, most: float
     if highest < _MIN_CORRELATION:
         raise _refused(f"the turn rates agree at no offset (the highest correlation is {highest:.2f})")
     if best in (0, len(lags) - 1):
-        raise _refused(f"they agree best at {lags[best] * step:.1f} s, the limit")
+        raise _refused(f"the best offset, {lags[best] * step:.1f} s, is the limit of the search")
     rivals = np.where(np.abs(lags - lags[best]) > _lobe(correlations, best), correlations, -1.0)
     if rivals.max() > _RIVAL * highest:
         raise _refused(

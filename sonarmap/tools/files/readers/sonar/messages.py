@@ -204,7 +204,7 @@ class ShotQueue:
         self._latest[frame.number] = arrival
         heapq.heappush(self._order, (place, arrival))
         image = self._early.get(frame.number)
-        if image is not None and _together(frame, image):
+        if image is not None and _of_one_shot(frame, image):
             del self._early[frame.number]
             self._join(arrival, image)
 
@@ -215,7 +215,7 @@ class ShotQueue:
             self.doubled += 1
             return
         arrival = self._latest.get(number)
-        if arrival is not None and _together(self._shots[arrival].frame, image):
+        if arrival is not None and _of_one_shot(self._shots[arrival].frame, image):
             self._join(arrival, image)
             return
         self.alone += self._early.pop(number, None) is not None
@@ -243,7 +243,7 @@ class ShotQueue:
         self._shots[arrival] = replace(shot, strength=strength_of(shot.frame, image))
 
 
-def _together(frame: Frame, image: rip.BitmapImageGreyscale8) -> bool:
+def _of_one_shot(frame: Frame, image: rip.BitmapImageGreyscale8) -> bool:
     """Whether two images with one number are of one shot: numbers may start again."""
     stamp = stamp_of(image)
     return stamp is None or frame.stamp is None or stamp == frame.stamp

@@ -122,7 +122,7 @@ def test_no_fix_is_no_place(path: Path) -> None:
     ("heading", "cells", "settings", "words"),
     [
         ("Lat;Lon", ["60;5", "60;5", "10;5"], {}, "km from the map's origin"),
-        ("Lat;Lon", ["0;0"] * 3, {}, "no row has a place"),
+        ("Lat;Lon", ["0;0"] * 3, {}, "no row has a position"),
         ("Lat;Lon", ["60;5"] * 3, {"crs": "EPSG:32632"}, "--nav-crs has no effect"),
         ("Easting;Northing", ["5e5;6e6"] * 3, {"crs": "EPSG:4326"}, "--nav-crs EPSG:4326"),
         ("Lat;Lon", ["60;5"] * 3, {"origin": Georeference(60, 5, heading=10)}, "--origin-heading"),
