@@ -1,7 +1,7 @@
-"""Fingerprints of what decides a result, and what workers in other processes make a method from.
+"""Fingerprints of everything that affects a result, and the specification of a method for worker processes.
 
-Code, settings, device and installed versions decide. Code counts by whole folders: a changed comment makes results be
-computed again, and no change that matters is missed."""
+These are code, settings, device and installed versions. Code is digested by whole folders: a changed comment causes
+results to be computed again, but no change that matters is missed."""
 
 import hashlib
 import inspect
@@ -24,18 +24,16 @@ ROOT = Path(__file__).parents[2]
 
 
 def fingerprint(value: Any) -> str:
-    """A digest of any value that `to_json` takes, 64 hexadecimal digits."""
+    """The digest of any value that `to_json` accepts, 64 hexadecimal digits."""
     return hashlib.sha256(json.dumps(to_json(value), sort_keys=True).encode()).hexdigest()
 
 
 @cache
 def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Path = ROOT) -> str:
-    """A digest of Python files, OpenCL programs and tables as they were when it was first computed: what runs.
+    """The digest of the Python files, OpenCL programs and tables in `places`, as of the first call: the running code.
 
-    Of folders and files, relative to the root, without files whose names match a pattern, as "*figure.py".
-
-    Raises:
-        FileNotFoundError: a place does not exist.
+    The places are folders and files, relative to the root. Files whose names match a pattern in `left_out`, such as
+    "*figure.py", are ignored. Raises FileNotFoundError: a place does not exist.
     """
     digest = hashlib.sha256()
     for path in sorted({path for place in places for path in _source_files(root / place)}):
@@ -46,7 +44,7 @@ def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Pat
 
 
 def method_sources(name: str) -> tuple[str, str]:
-    """Digests of a method's code: its files, and what of the registry builds it."""
+    """Digests of a method's files and of the code in the registry that builds it."""
     method = find_method(name)
     builder = method.make if inspect.isfunction(method.make) else type(method.make)
     return source_digest(method.sources), fingerprint(
@@ -55,7 +53,7 @@ def method_sources(name: str) -> tuple[str, str]:
 
 
 def method_versions(name: str) -> dict[str, str | None]:
-    """The versions that a method's results depend on. sonarmap's does not count, as the digests of its code do."""
+    """The versions that a method's results depend on, without sonarmap's own, whose code has a digest."""
     method = find_method(name)
     unused = {"sonarmap", "gtsam", "system"} | (set() if "device" in method.options else {"pyopencl"})
     versions = package_versions(*filter(None, [method.package]))
@@ -63,9 +61,9 @@ def method_versions(name: str) -> dict[str, str | None]:
 
 
 def method_key(name: str, setup: Setup, registrar: "Registrar") -> str:
-    """A digest of all that decides what a method finds in two scans: settings, code, device, driver and versions.
+    """The digest of everything that affects a registration: method, settings, code, device, driver and versions.
 
-    The registrar is the method as this process has it, made from this setup.
+    `registrar` is the method that this process built from `setup`.
     """
     device = getattr(registrar, "device", None)
     return fingerprint(
@@ -90,5 +88,5 @@ def _source_files(place: Path) -> list[Path]:
 
 
 def worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
-    """For other processes, each of which keeps that number of prepared scans; other arguments as of `method_key`."""
+    """The specification of workers that each keep `prepared` prepared scans; other arguments as in `method_key`."""
     return WorkerSpec(partial(find_method(name).make, setup), method_key(name, setup, registrar), prepared)

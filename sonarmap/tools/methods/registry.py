@@ -1,6 +1,6 @@
-"""Every method of registration by its name. A new one is a function that builds it and a row of METHODS.
+"""The registration methods by name. A new method is a function that builds it and a row of METHODS.
 
-The last one stays ready from one registration to the next: to make its tables takes longer than a pair.
+The last method is kept between registrations, as computing its tables takes longer than registering a pair.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.extras import load_package
 
-if TYPE_CHECKING:  # the command line names the methods in its help, which is to come at once
+if TYPE_CHECKING:  # the help of the command line names the methods and has to start fast
     from sonarmap.spectral.grid import Grid
     from sonarmap.spectral.result import Registrar
 
@@ -27,7 +27,7 @@ _HEMISPHERE = frozenset(("grid", "max_tilt", "set", "device"))
 _SPECTRAL = _HEMISPHERE | {"priors"}
 _SEEDED = frozenset(("seed",))
 
-# What decides the results of methods, as `tools.methods.fingerprint.source_digest` takes it
+# Code that affects the results of methods, as `places` of `tools.methods.fingerprint.source_digest`
 _DEVICE_SOURCES = ("kernels", "spectral")
 _POINT_SOURCES = tuple(f"tools/lab/baselines/{name}.py" for name in ("points", "icp"))
 _FEATURE_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/features.py")
@@ -36,12 +36,12 @@ ALL_METHODS = (*_DEVICE_SOURCES, "tools/lab/baselines", "tools/methods/registry.
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a method is built from; each uses the fields that mean something to it."""
+    """Everything that a method is built from; a method ignores fields that do not apply to it."""
 
-    grid: Grid  # which the scans share. Methods that work on points thin them to one per voxel of its size.
-    device: str | None = None  # of the spectral methods, as `choose_device` takes it
-    seed: int = 0  # of the methods that draw at random
-    # fields of the SpectralConfig or HemisphereConfig that are not at their defaults, with their values
+    grid: Grid  # shared by the scans; methods that work on points thin them to one point per voxel
+    device: str | None = None  # selector for `choose_device`, used by the spectral methods
+    seed: int = 0  # used by the methods that draw random samples
+    # fields of SpectralConfig or HemisphereConfig with values other than the defaults
     changes: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -49,33 +49,33 @@ class Setup:
 class Method:
     """A method of registration."""
 
-    title: str  # what it is, in words
+    title: str  # one phrase for the help
     make: Callable[[Setup], Registrar]  # builds the registrar
-    sources: tuple[str, ...]  # folders and files whose code decides its results
-    # the command line's options that change its results, by their parameters' names, beside the voxel
+    sources: tuple[str, ...]  # folders and files whose code affects its results
+    # parameter names of the command-line options that change its results, apart from the voxel
     options: frozenset[str] = frozenset()
-    package: str = ""  # what pip has to install beyond sonarmap's own; "" for nothing
+    package: str = ""  # optional package that pip has to install; "" for none
 
 
 def build(name: str, grid: Grid, device: str | None = None, seed: int = 0) -> Registrar:
-    """A method with its defaults, which experiments compare; device and seed as of `Setup`.
+    """A method with its default settings; `device` and `seed` as in `Setup`.
 
     Raises:
-        InputError: there is no such method, or the package that it needs is not installed.
-        DeviceError: there is no such device, or it is too small.
+        InputError: the method is unknown, or the package that it needs is not installed.
+        DeviceError: the device does not exist or is too small.
     """
     return find_method(name).make(Setup(grid, device, seed))
 
 
 def find_method(name: str) -> Method:
-    """The method of this name; InputError where there is none."""
+    """The method of this name. Raises InputError: the method is unknown."""
     if name not in METHODS:
         raise InputError(f"no method is called {name!r}; wanted one of {', '.join(METHODS)}")
     return METHODS[name]
 
 
 def is_installed(name: str) -> bool:
-    """Whether the package that a method needs is there; true for a method that needs none."""
+    """Whether the package that a method needs is installed; true for a method that needs none."""
     from sonarmap.spectral.grid import Grid
 
     if not find_method(name).package:
@@ -103,12 +103,12 @@ def _hemisphere(setup: Setup) -> Registrar:
 
 @dataclass(frozen=True, slots=True)
 class _OfLab:
-    """Builds a method that others made."""
+    """Builds a method from another library."""
 
-    # its class in `tools.lab.baselines`, as "module:Class": the laboratory is built on this list, not the reverse
+    # its class in `tools.lab.baselines`, as "module:Class"; imported late, as the laboratory imports this module
     registrar: str
-    kind: str = ""  # which of the class's methods it is; "" where there is one
-    seeded: bool = False  # whether it draws at random
+    kind: str = ""  # first argument of a class with several methods; "" for a class with one
+    seeded: bool = False  # whether it draws random samples
 
     def __call__(self, setup: Setup) -> Registrar:
         load_package("open3d", "open3d", "this method", "lab")
@@ -117,7 +117,7 @@ class _OfLab:
         return getattr(import_module(f"sonarmap.tools.lab.baselines.{module}"), name)(setup.grid.voxel, *arguments)
 
 
-# Name, as --method takes it -> method
+# Name, as given to --method -> method
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
         DEFAULT_METHOD: Method(
@@ -152,21 +152,21 @@ METHODS: Mapping[str, Method] = MappingProxyType(
     }
 )
 
-# What is kept takes no more than this part of the device's memory: on larger grids a pair takes far longer.
+# A method is kept if a pair needs at most 1 / _PART of the device's memory: larger grids gain little by reuse.
 _PART = 32
-_CHOOSE = ("PYOPENCL_CTX", "SONARMAP_FLAVOR")  # what else decides about the device
-# The last method and what it was made from; taking it out and putting it back are one step each for all threads.
+_CHOOSE = ("PYOPENCL_CTX", "SONARMAP_FLAVOR")  # environment variables that affect the choice of the device
+# Key and registrar of the last method. Its `pop` and `append` are atomic, so that threads never share a registrar.
 _KEPT: deque[tuple[object, Any]] = deque(maxlen=1)
 
 
 @contextmanager
 def reused(name: str, setup: Setup) -> Generator[Registrar]:
-    """A method as `make` builds it: that of the last block, if nothing but the voxel is another.
+    """A method for one `with` block: that of the last block if the setup differs in the voxel at most, else a new one.
 
-    It is the block's alone, also where several threads register at once, and what the block raised leaves none.
+    No other thread uses the method during the block. If the block raises an error, the method is not kept.
 
     Raises:
-        InputError, DeviceError: it cannot be made, as of `build`.
+        InputError, DeviceError: the method cannot be built, as in `build`.
     """
     key = name, setup.grid.edge, setup.device, setup.seed, *setup.changes.items(), *map(os.environ.get, _CHOOSE)
     try:
@@ -176,7 +176,7 @@ def reused(name: str, setup: Setup) -> Generator[Registrar]:
     if kept is not None and last == key:
         registrar = kept.with_voxel(setup.grid.voxel)
     else:
-        kept = None  # its memory is free before the next one takes some
+        kept = None  # frees its memory before the next method allocates
         registrar = find_method(name).make(setup)
     yield registrar
     if _is_worth_keeping(registrar, setup.grid.edge):
@@ -184,7 +184,7 @@ def reused(name: str, setup: Setup) -> Generator[Registrar]:
 
 
 def _is_worth_keeping(registrar: Any, edge: int) -> bool:
-    if not hasattr(registrar, "with_voxel"):  # made at once
+    if not hasattr(registrar, "with_voxel"):  # quick to build
         return False
     from sonarmap.spectral.memory import memory_plans
 
