@@ -51,7 +51,7 @@ def test_two_places_are_refused(tmp_path: Path) -> None:
     result = sonarmap("register", *pair, "--method", "icp", *VOXEL, "--json")
     found = printed(result, 3)
     assert (found["accepted"], result.stderr) == (False, "")
-    assert "believed from" in found["reason"]
+    assert "wanted at least" in found["reason"]
 
 
 def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None:

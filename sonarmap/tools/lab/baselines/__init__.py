@@ -1,6 +1,6 @@
-"""Other methods of registration, which the spectral one is compared with.
+"""Registration methods and SLAM systems of others, for comparison.
 
-In: a scan (`prepare`), two prepared scans (`register`). Out: a `spectral.result.Registration`, as the protocol
-`Registrar` asks for. `points.py` has the frame of those that work on points, their covariance, overlap and acceptance;
-`surveys.py` maps whole surveys by other systems.
+Each method implements the protocol `spectral.result.Registrar`: `prepare` a scan, `register` two prepared scans.
+`points.py` has the base class of the methods on points, with their covariance, overlap and acceptance; `icp.py` and
+`features.py` have the methods; `surveys.py` maps whole surveys by other systems.
 """

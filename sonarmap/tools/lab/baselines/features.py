@@ -1,8 +1,8 @@
-"""Global registration by features, refined by ICP point to plane.
+"""Global registration by features, refined by point-to-plane ICP.
 
-By Open3D, with the parameters of its example: fast point feature histograms (Rusu et al. 2009, DOI
+Open3D, with the parameters of its example: fast point feature histograms (Rusu et al. 2009, DOI
 10.1109/ROBOT.2009.5152473), and the transform by RANSAC or by fast global registration (Zhou et al. 2016, DOI
-10.1007/978-3-319-46475-6_47). By KISS-Matcher (Lim et al. 2024, arXiv 2409.15615): graph pruning, a robust solver.
+10.1007/978-3-319-46475-6_47). KISS-Matcher (Lim et al. 2024, arXiv 2409.15615): graph pruning and a robust solver.
 """
 
 from typing import Any, Literal
@@ -25,18 +25,18 @@ from sonarmap.tools.lab.baselines.points import (
 
 Solver = Literal["ransac", "fgr"]
 
-FEATURE_REACH = 5.0  # [voxels]
-FEATURE_NEIGHBORS = 100
-MATCH_REACH = 1.5  # largest distance of matched points [voxels]
-REFINE = (1.5,)  # correspondence distances of the last ICP [voxels]; the example's 0.4 is less than the noise here
-_EDGE_RATIO = 0.9
+FEATURE_REACH = 5.0  # radius of the neighborhood of a feature [voxels]
+FEATURE_NEIGHBORS = 100  # largest number of points in it
+MATCH_REACH = 1.5  # largest distance between matched points [voxels]
+REFINE = (1.5,)  # correspondence distances of the final ICP [voxels]; the 0.4 of the example is below the noise here
+_EDGE_RATIO = 0.9  # smallest ratio of the lengths of corresponding edges
 _SAMPLES = 3  # matches per hypothesis
-_TRIES = 100_000
-_CONFIDENCE = 0.999
+_TRIES = 100_000  # largest number of hypotheses
+_CONFIDENCE = 0.999  # probability at which RANSAC ends
 
 
 class FeatureRegistrar(PointRegistrar):
-    """FPFH; the seed of the random samples is the same for every pair, so that pairs do not depend on others."""
+    """FPFH features; every pair starts from the same random seed, so its result does not depend on other pairs."""
 
     def __init__(self, voxel: float, solver: Solver = "ransac", seed: int = 0) -> None:
         super().__init__(voxel)
@@ -44,23 +44,23 @@ class FeatureRegistrar(PointRegistrar):
         self.seed = seed
 
     def describe(self, cloud: ThinnedCloud) -> Any:
-        """Open3D's Feature, 33 numbers per point."""
+        """Open3D's Feature, with 33 numbers per point."""
         import open3d as o3d
 
         near = o3d.geometry.KDTreeSearchParamHybrid(FEATURE_REACH * self.voxel, FEATURE_NEIGHBORS)
-        library: Any = o3d.pipelines.registration  # its stubs want an argument that it does not
+        library: Any = o3d.pipelines.registration  # its stubs require an argument that the function does not
         with quiet():
             return library.compute_fpfh_feature(to_open3d(cloud), near)
 
     def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """From anywhere; accepted by the number of matched features that agree."""
+        """Registration without an initial pose, accepted by the number of feature matches that agree with it."""
         T = iterate(target, source, self._solve(target, source), [self.voxel * d for d in REFINE], "plane")
         return T, judge_matches(*self._agreeing(target, source, T))
 
     def _solve(self, target: ThinnedCloud, source: ThinnedCloud) -> RigidTransform:
         import open3d as o3d
 
-        # Open3D has one generator for all; seeded here, its state from before does not matter. It holds 32 bits.
+        # Open3D has one global generator; seeding it here discards its earlier state. The seed is a 32-bit integer.
         o3d.utility.random.seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0] % 2**31))
         r, reach = o3d.pipelines.registration, MATCH_REACH * self.voxel
         given = to_open3d(source), to_open3d(target), source.extra, target.extra
@@ -71,7 +71,7 @@ class FeatureRegistrar(PointRegistrar):
             else:
                 result = r.registration_ransac_based_on_feature_matching(
                     *given,
-                    True,  # mutual matches alone
+                    True,  # only mutual matches
                     reach,
                     r.TransformationEstimationPointToPoint(False),
                     _SAMPLES,
@@ -84,7 +84,7 @@ class FeatureRegistrar(PointRegistrar):
         return RigidTransform.from_matrix(np.asarray(result.transformation))
 
     def _agreeing(self, target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform) -> tuple[int, int]:
-        """Numbers of mutual matches: within MATCH_REACH of each other under the transform, and of all."""
+        """Number of mutual matches within MATCH_REACH of each other under the transform, and of all mutual matches."""
         import open3d as o3d
 
         with one_thread():
@@ -94,19 +94,19 @@ class FeatureRegistrar(PointRegistrar):
         return int((np.linalg.norm(apart, axis=1) <= MATCH_REACH * self.voxel).sum()), len(i)
 
 
-_LEAST_INLIERS = 10  # of KISS-Matcher: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5
-_FEWEST_MATCHES = 3  # that fix a transform
-# KISS-Matcher ends the program where no point has neighbors enough
+_LEAST_INLIERS = 10  # KISS-Matcher finds 14..53 in right registrations, 0 or 1 in wrong ones
+_FEWEST_MATCHES = 3  # that determine a transform
+# KISS-Matcher ends the process if no point has enough neighbors
 _NEIGHBORS = 5
 _NEIGHBOR_REACH = 3.0  # [voxels]
-_FEWEST_POINTS = 10  # with as many neighbors within that reach
+_FEWEST_POINTS = 10  # with _NEIGHBORS neighbors within _NEIGHBOR_REACH
 
 
 class KissRegistrar(PointRegistrar):
-    """KISS-Matcher, which works on both scans at once: a pair's seconds hold the features of both.
+    """KISS-Matcher, which processes both scans at once: the seconds of a pair include the features of both.
 
-    Its thinning, which orders points by chance, is not used, and its bounds on the noise are not clamped to 1 m, which
-    may be less than a voxel. Raises InputError: the package is not installed.
+    Its thinning, which orders points randomly, is not used, and its noise bounds are not clamped to 1 m, which may be
+    less than a voxel. Raises InputError: the package is not installed.
     """
 
     def __init__(self, voxel: float) -> None:
@@ -114,13 +114,13 @@ class KissRegistrar(PointRegistrar):
         self._kiss = load_package("kiss_matcher", "kiss-matcher", "the method kiss", "peers")
 
     def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """From anywhere; accepted by the number of inliers."""
+        """Registration without an initial pose, accepted by the number of inliers."""
         T, inliers, matches = self._match(target, source)
         T = iterate(target, source, T, [self.voxel * d for d in REFINE], "plane")
         return T, judge_matches(inliers, matches, _LEAST_INLIERS)
 
     def _match(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, int, int]:
-        """The transform, its inliers, all matches."""
+        """The transform, the number of its inliers, and the number of all matches."""
         if min(self._dense(target), self._dense(source)) < _FEWEST_POINTS:
             return RigidTransform.identity(), 0, 0
         settings = self._kiss.KISSMatcherConfig(
@@ -128,7 +128,7 @@ class KissRegistrar(PointRegistrar):
         )
         with silent():
             matcher = self._kiss.KISSMatcher(settings)
-            moving, fixed = (np.array(one) for one in matcher.match(source.points.T, target.points.T))
+            moving, fixed = (np.array(points) for points in matcher.match(source.points.T, target.points.T))
             if len(moving) < _FEWEST_MATCHES:
                 return RigidTransform.identity(), 0, len(moving)
             solution = matcher.prune_and_solve(moving, fixed)
@@ -139,6 +139,6 @@ class KissRegistrar(PointRegistrar):
         return T, int(matcher.get_num_final_inliers()), len(moving)
 
     def _dense(self, cloud: ThinnedCloud) -> int:
-        """Number of points with neighbors enough for a feature."""
-        distance, _ = cloud.tree.query(cloud.points, [_NEIGHBORS + 1])  # a point is its own first
+        """Number of points with enough neighbors for a feature."""
+        distance, _ = cloud.tree.query(cloud.points, [_NEIGHBORS + 1])  # the nearest is the point itself
         return int((distance <= _NEIGHBOR_REACH * self.voxel).sum())

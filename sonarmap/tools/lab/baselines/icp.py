@@ -1,6 +1,6 @@
-"""The iterative closest point, point to point (Besl and McKay 1992, DOI 10.1109/34.121791) or point to plane (Chen and
-Medioni 1992, DOI 10.1016/0262-8856(92)90066-C), by Open3D, from the identity as in Sect. 4.2 of the paper; generalized
-ICP (Segal et al. 2009, DOI 10.15607/RSS.2009.V.021) by small_gicp (DOI 10.21105/joss.06948)."""
+"""Iterative closest point from the identity (paper Sect. 4.2): Open3D's point to point (Besl and McKay 1992, DOI
+10.1109/34.121791) and point to plane (Chen and Medioni 1992, DOI 10.1016/0262-8856(92)90066-C), and generalized ICP
+(Segal et al. 2009, DOI 10.15607/RSS.2009.V.021) by small_gicp (DOI 10.21105/joss.06948)."""
 
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -22,20 +22,20 @@ from sonarmap.tools.lab.baselines.points import (
 
 Kind = Literal["point", "plane"]
 
-DISTANCES = (16.0, 8.0, 4.0, 2.0)  # of correspondences, round by round [voxels]
+DISTANCES = (16.0, 8.0, 4.0, 2.0)  # largest distance between correspondences in each round [voxels]
 _CONVERGED = 1e-6  # relative change of fitness and rms distance at which a round ends
-_STEPS = 100  # of a round, at most
+_STEPS = 100  # largest number of iterations of a round
 
 
 class IcpRegistrar(PointRegistrar):
-    """ICP from the identity, so for small motions only; `kind` is what distances are to, the nearest point or plane."""
+    """ICP from the identity, so for small motions only; `kind` selects distances to the nearest point or its plane."""
 
     def __init__(self, voxel: float, kind: Kind = "point") -> None:
         super().__init__(voxel)
         self.kind: Kind = kind
 
     def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """From the identity; accepted by the share of points in common."""
+        """Registration from the identity, accepted by the share of points in common."""
         T = iterate(target, source, RigidTransform.identity(), [self.voxel * d for d in DISTANCES], self.kind)
         return T, judge_fit(target, source, T, self.voxel)
 
@@ -43,9 +43,9 @@ class IcpRegistrar(PointRegistrar):
 def iterate(
     target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, distances: Sequence[float], kind: Kind
 ) -> RigidTransform:
-    """The T_target_source to which ICP leads from a given one, a round for each correspondence distance [m].
+    """The T_target_source that ICP finds from an initial one, with a round for each correspondence distance [m].
 
-    One thread for point to plane: Open3D sums by threads there, in an order that changes from run to run.
+    Point to plane uses one thread, as the order of Open3D's sums over several threads changes from run to run.
     """
     import open3d as o3d
 
@@ -60,26 +60,26 @@ def iterate(
     return RigidTransform.from_matrix(T)
 
 
-_NEIGHBORS = 20  # of which a point's covariance is taken
-_THREADS = 1  # sums over several differ in their last bits from run to run
+_NEIGHBORS = 20  # from which a point's covariance is computed
+_THREADS = 1  # sums over several threads differ in their last bits from run to run
 
 
 class GicpRegistrar(PointRegistrar):
-    """GICP from the identity, by ICP's distances. Raises InputError: the package is not installed."""
+    """Generalized ICP from the identity, with the distances of ICP. Raises InputError: the package is not installed."""
 
     def __init__(self, voxel: float) -> None:
         super().__init__(voxel)
         self._gicp = load_package("small_gicp", "small_gicp", "the method gicp", "peers")
 
     def describe(self, cloud: ThinnedCloud) -> Any:
-        """small_gicp's PointCloud, with a covariance for every point, and its KdTree."""
+        """small_gicp's PointCloud, with a covariance per point, and its KdTree."""
         points = self._gicp.PointCloud(cloud.points)
         tree = self._gicp.KdTree(points, num_threads=_THREADS)
         self._gicp.estimate_normals_covariances(points, tree, num_neighbors=_NEIGHBORS, num_threads=_THREADS)
         return points, tree
 
     def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """From the identity; accepted by the share of points in common."""
+        """Registration from the identity, accepted by the share of points in common."""
         (fixed, tree), (moving, _), T = target.extra, source.extra, np.eye(4)
         with silent():
             for distance in DISTANCES:

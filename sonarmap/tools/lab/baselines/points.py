@@ -1,7 +1,7 @@
-"""Registration by points, one per voxel with its normal: overlap, covariance and acceptance, whatever the method.
+"""Registration by points, one per voxel with its normal: the overlap, covariance and acceptance common to all methods.
 
-The thresholds of acceptance are from eight simulated pairs at the noise of the paper and voxels of 1 m, seeds 100 to
-107 of `random_pair` on three scenes, and five pairs of scans that share nothing: few pairs, which they separate.
+The acceptance thresholds separate eight simulated pairs at the noise of the paper and voxels of 1 m (seeds 100 to 107
+of `random_pair` on three scenes) from five pairs of scans that share nothing.
 """
 
 import ctypes
@@ -34,7 +34,7 @@ def silent(streams: Sequence[int] = (1,)) -> Iterator[None]:
     try:
         yield
     finally:
-        ctypes.CDLL(None).fflush(None)  # C holds it back where stdout is no terminal
+        ctypes.CDLL(None).fflush(None)  # C buffers its output if stdout is not a terminal
         for stream, before in kept.items():
             os.dup2(before, stream)
             os.close(before)
@@ -43,7 +43,7 @@ def silent(streams: Sequence[int] = (1,)) -> Iterator[None]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Open3D prints nothing but errors."""
+    """Let Open3D print errors only."""
     import open3d as o3d
 
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
@@ -52,7 +52,7 @@ def quiet() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Open3D is quiet and takes one thread: sums over several differ in their last bits from run to run."""
+    """Make Open3D quiet and single-threaded: sums over several threads differ in their last bits from run to run."""
     import open3d as o3d
 
     before = o3d.utility.get_max_threads()
@@ -64,30 +64,30 @@ def one_thread() -> Iterator[None]:
         o3d.utility.set_max_threads(before)
 
 
-FEWEST_POINTS = 20  # as many as the spectral registration needs occupied voxels
-NORMAL_REACH = 2.0  # of the points that a normal is estimated from [voxels], as in Open3D's example
-NORMAL_NEIGHBORS = 30  # at most
+FEWEST_POINTS = 20  # also the number of occupied voxels that the spectral registration needs
+NORMAL_REACH = 2.0  # radius of the neighborhood for a normal [voxels], as in Open3D's example
+NORMAL_NEIGHBORS = 30  # largest number of points in it
 
 
 @dataclass(frozen=True, slots=True)
 class ThinnedCloud:
-    """A scan's points, thinned."""
+    """A scan thinned to one point per voxel."""
 
-    name: str  # the scan's
+    name: str  # of the scan
     points: np.ndarray  # (m, 3) float64 [m, sensor frame], the mean of the points of every occupied voxel
-    normals: np.ndarray  # (m, 3) float64, of unit length, on the side where the sensor was
-    tree: KDTree  # to search among the points
-    extra: Any = None  # what a method adds for itself: features, or the points as another library wants them
+    normals: np.ndarray  # (m, 3) float64, unit length, on the side of the sensor
+    tree: KDTree  # of the points
+    extra: Any = None  # added by a method: features, or the points in the format of another library
 
 
 def thin(scan: Scan, voxel: float) -> ThinnedCloud:
-    """One point per voxel of an edge [m], with its normal. Raises InputError: the points fill too few voxels."""
+    """One point per voxel of edge `voxel` [m], with its normal. Raises InputError: the points fill too few voxels."""
     import open3d as o3d
 
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.points.astype(np.float64)))
     try:
         cloud = cloud.voxel_down_sample(voxel)
-    except RuntimeError as error:  # it counts the voxels along an axis in 32 bits
+    except RuntimeError as error:  # the voxel count along an axis exceeds 32 bits
         raise InputError(
             f"{scan.name}: voxels of {voxel:g} m are too small for the scan's extent. Give larger ones with --voxel."
         ) from error
@@ -107,7 +107,7 @@ def thin(scan: Scan, voxel: float) -> ThinnedCloud:
 
 
 def to_open3d(cloud: ThinnedCloud) -> Any:
-    """As Open3D's PointCloud."""
+    """The cloud as Open3D's PointCloud."""
     import open3d as o3d
 
     converted = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
@@ -115,49 +115,49 @@ def to_open3d(cloud: ThinnedCloud) -> Any:
     return converted
 
 
-REACH = 2.0  # of a point's counterpart, as in spectral/hemisphere.py [voxels]
+REACH = 2.0  # largest distance of a point's counterpart, as in spectral/hemisphere.py [voxels]
 
-# Points whose errors along their normals count as one: those of one neighborhood share the normal
+# Number of points with fully correlated errors along their normals: a neighborhood shares its normal
 _CORRELATED = np.pi * NORMAL_REACH**2
-_LEAST_SIGMA = 0.05  # standard deviation of a point, also where two scans agree exactly [voxels]
+_LEAST_SIGMA = 0.05  # smallest standard deviation of a point, for scans that agree exactly [voxels]
 
-_LEAST_FITNESS = 0.1  # share of points in common: beds laid on each other share up to 0.7 wherever they come from
-# Share of these within half the distance: 0.84..0.95 where right, 0.50..0.81 where wrong. Voxels of less than the noise
-# lower it.
+_LEAST_FITNESS = 0.1  # share of points in common; unrelated beds laid on each other share up to 0.7
+# Share of the common points within half the distance: 0.84..0.95 in right registrations, 0.50..0.81 in wrong ones.
+# Voxels smaller than the noise lower it.
 _LEAST_CLOSE = 0.83
-_LEAST_MATCHES = 20  # that agree: with a wrong transform up to 14 do, with a right one mostly 21 and more
+_LEAST_MATCHES = 20  # of matches that agree: up to 14 in wrong registrations, mostly 21 and more in right ones
 
 
 @dataclass(frozen=True, slots=True)
 class MethodVerdict:
-    """Whether a method believes its result, and why, in words."""
+    """Whether a method accepts its result, and why."""
 
     accepted: bool
     reason: str
 
 
 def verdict(words: str, *wanted: tuple[bool, str]) -> MethodVerdict:
-    """Refused by the first condition that is not met, each with its least value in words."""
+    """A verdict from `words` and conditions with their minimum values; the first unmet one rejects the result."""
     missed = next((least for met, least in wanted if not met), "")
-    return MethodVerdict(not missed, f"{words}; believed from {missed} on" if missed else words)
+    return MethodVerdict(not missed, f"{words}; wanted at least {missed}" if missed else words)
 
 
 class PointRegistrar(ABC):
-    """A registrar that works on points: `solve`'s transform, with covariance and overlap of the points.
+    """Base class of registrars on points: the transform of `solve`, with the covariance and overlap of the points.
 
-    Its voxels [m] thin the scans, and the distances that a method uses are multiples of their edge.
+    Scans are thinned to one point per voxel of edge `voxel` [m]; all distances are multiples of it.
     """
 
     def __init__(self, voxel: float) -> None:
         self.voxel = voxel
 
     def prepare(self, scan: Scan) -> ThinnedCloud:
-        """The scan's points, one per voxel, and what the method adds. Raises InputError: they are too few."""
+        """The thinned scan with what `describe` adds. Raises InputError: it has too few points."""
         cloud = thin(scan, self.voxel)
         return replace(cloud, extra=self.describe(cloud))
 
     def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
-        """Find T_target_source."""
+        """Estimate T_target_source."""
         start = perf_counter()
         T_target_source, verdict = self.solve(target, source)
         return Registration(
@@ -171,16 +171,16 @@ class PointRegistrar(ABC):
         )
 
     def describe(self, cloud: ThinnedCloud) -> Any:
-        """What `ThinnedCloud.extra` is to be."""
+        """The value of `ThinnedCloud.extra`."""
         return None
 
     @abstractmethod
     def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """T_target_source, and whether to believe it."""
+        """T_target_source, and whether to accept it."""
 
 
 def judge_fit(target: ThinnedCloud, source: ThinnedCloud, T: RigidTransform, voxel: float) -> MethodVerdict:
-    """By the share of points in common, and by how close these are: ICP's fitness and inlier distance."""
+    """The verdict by the share of points in common and by how close these are (fitness and inlier distance of ICP)."""
     fitness, near = (overlap(target, source, T, reach * voxel) for reach in (REACH, REACH / 2))
     close, far = near / fitness if fitness > 0 else 0.0, REACH * voxel
     return verdict(
@@ -191,12 +191,12 @@ def judge_fit(target: ThinnedCloud, source: ThinnedCloud, T: RigidTransform, vox
 
 
 def judge_matches(agreeing: int, matches: int, least: int = _LEAST_MATCHES) -> MethodVerdict:
-    """By the number of matched features that agree with the transform."""
+    """The verdict by the number of feature matches that agree with the transform."""
     return verdict(f"{agreeing} of {matches} matched features agree", (agreeing >= least, str(least)))
 
 
 def overlap(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, reach: float) -> float:
-    """The share of points, one per voxel, with a counterpart within `reach` [m]; the smaller of both ways, 0..1."""
+    """The share of points with a counterpart in the other scan within `reach` [m], the smaller of both scans', 0..1."""
     moved = T_target_source.apply(source.points)
     back = T_target_source.inv().apply(target.points)
     return min(_share(target, moved, reach), _share(source, back, reach))
@@ -210,9 +210,9 @@ def _share(cloud: ThinnedCloud, points: np.ndarray, reach: float) -> float:
 def covariance(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, voxel: float) -> np.ndarray:
     """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
 
-    It is the inverse of the Gauss-Newton Hessian of the point-to-plane distances over their variance; a direction that
-    nothing fixes has the variance of the scan's own size. Errors that all points share, as by false neighbors, are not
-    seen: on simulated pairs the normalized squared error has a median of about 15 instead of 6.
+    It is the inverse of the Gauss-Newton Hessian of the point-to-plane distances over their variance; the standard
+    deviation of an unconstrained direction is the size of the scan. Errors that all points share, such as by false
+    neighbors, are not modeled: on simulated pairs the normalized squared error has a median of about 15 instead of 6.
     """
     moved = T_target_source.apply(source.points)
     distance, nearest = target.tree.query(moved, distance_upper_bound=REACH * voxel)

@@ -1,11 +1,11 @@
-"""Other systems that map a whole survey: scans in their order and a voxel in, poses and the pairs that were tried out.
+"""Other systems that map a whole survey: from ordered scans and a voxel to poses and the pairs that were tried.
 
 Multiway registration (Choi, Zhou and Koltun 2015, DOI 10.1109/CVPR.2015.7299195), by Open3D, as in its tutorial and
 its reconstruction system: pairwise registrations, then one pose graph with a line process over its loops.
 
-KISS-SLAM (Guadagnino et al. 2025, arXiv 2503.12660): KISS-ICP's odometry, closures between local maps, a pose graph. It
-is made for a LiDAR that sees all around, ten times a second; a sonar's motions of two voxels are within its reach,
-those of four are not.
+KISS-SLAM (Guadagnino et al. 2025, arXiv 2503.12660): odometry by KISS-ICP, loop closures between local maps, and a pose
+graph. It is designed for a LiDAR with a full view at 10 Hz; it copes with motions of two voxels between the scans of a
+sonar, but not with motions of four.
 """
 
 from collections.abc import Sequence
@@ -28,34 +28,33 @@ from sonarmap.tools.lab.baselines.points import ThinnedCloud, one_thread, silent
 
 @dataclass(frozen=True, slots=True)
 class SlamRun:
-    """Poses of the scans that the method could use."""
+    """The result of a system: poses of the scans that it could use."""
 
-    trajectory: Trajectory  # with the scans' stamps, in a world of its own
-    # of scans that it registered, kept or not; none where it does not work on pairs of scans
-    pairs: tuple[TriedPair, ...]
-    loops: int  # how many loop closures it kept
+    trajectory: Trajectory  # with the scans' stamps, in an arbitrary world frame
+    pairs: tuple[TriedPair, ...]  # all that it registered, kept or not; empty if it does not register pairs of scans
+    loops: int  # number of loop closures that it kept
     seconds: float  # wall time, from the first scan to the last pose
 
 
-KEY_EVERY = 5  # scans from one key scan to the next; every pair of key scans is tried as a loop
-LEAST_OVERLAP = 0.3  # share of the smaller scan's points that a loop's matches make up, as in register_fragments
-PRUNE = 0.25  # of the line process, as in the reconstruction system
-LOOP_PREFERENCE = 5.0  # likewise
+KEY_EVERY = 5  # index difference of key scans, whose pairs are all tried as loops
+LEAST_OVERLAP = 0.3  # point matches of a loop, over the points of the smaller scan, as in register_fragments
+PRUNE = 0.25  # edge_prune_threshold of the line process, as in the reconstruction system
+LOOP_PREFERENCE = 5.0  # preference_loop_closure, as there
 
 
 def run_multiway(scans: Sequence[Scan], voxel: float, seed: int = 0, key_every: int = KEY_EVERY) -> SlamRun:
-    """Map a survey: consecutive scans and all pairs of key scans by FPFH, RANSAC and ICP, then all poses at once.
+    """Map a survey: register consecutive scans and all pairs of key scans by FPFH, RANSAC and ICP, then optimize.
 
-    Consecutive scans are registered from anywhere, as ICP from the identity does not reach over meters; their edges are
-    certain, those of loops uncertain, as in the tutorial. A scan that shows too little has no pose, and those beside it
-    are taken for consecutive. The voxel [m] thins the scans. Raises InputError: fewer than two scans show enough.
+    Consecutive scans are registered globally, too, as ICP from the identity does not converge over meters; their edges
+    are certain, those of loops uncertain, as in the tutorial. A scan with too few points has no pose, and its neighbors
+    count as consecutive. Scans are thinned to `voxel` [m]. Raises InputError: fewer than two scans have enough points.
     """
     start = perf_counter()
     registrar = FeatureRegistrar(voxel, "ransac", seed)
     described = _describe(registrar, scans)
     usable = list(described)
     if len(usable) < 2:
-        raise InputError(f"{len(usable)} of {len(scans)} scans show enough; multiway registration needs at least two")
+        raise InputError(f"{len(usable)} of {len(scans)} scans have enough points; multiway registration needs two")
     chain = list(pairwise(usable))
     loops = sorted(set(combinations(usable[::key_every], 2)) - set(chain))
     registered = {(i, j): registrar.register(described[i], described[j]).T_target_source for i, j in [*chain, *loops]}
@@ -75,7 +74,7 @@ def run_multiway(scans: Sequence[Scan], voxel: float, seed: int = 0, key_every: 
 
 
 def _describe(registrar: FeatureRegistrar, scans: Sequence[Scan]) -> dict[int, ThinnedCloud]:
-    """Features of the scans that show enough, by index."""
+    """Features of the scans that have enough points, by index."""
     described = {}
     for index, scan in enumerate(scans):
         try:
@@ -86,7 +85,7 @@ def _describe(registrar: FeatureRegistrar, scans: Sequence[Scan]) -> dict[int, T
 
 
 def _information(target: ThinnedCloud, source: ThinnedCloud, T: RigidTransform, reach: float) -> np.ndarray:
-    """(6, 6) of a pair's point matches, rotation first as Open3D orders it; [5, 5] is their number."""
+    """(6, 6) information of a pair's point matches, rotation first as in Open3D; [5, 5] is their number."""
     import open3d as o3d
 
     return np.asarray(
@@ -108,11 +107,11 @@ def _optimize(
     information: dict[tuple[int, int], np.ndarray],
     reach: float,
 ) -> tuple[RigidTransform, set[tuple[int, int]]]:
-    """Poses of the usable scans, the first at the identity, and the pairs that the line process left."""
+    """Poses of the usable scans, the first at the identity, and the pairs that the line process kept."""
     import open3d as o3d
 
     r: Any = o3d.pipelines.registration
-    node = {scan: place for place, scan in enumerate(usable)}
+    node = {scan: index for index, scan in enumerate(usable)}
     graph, pose = r.PoseGraph(), RigidTransform.identity()
     graph.nodes.append(r.PoseGraphNode(pose.as_matrix()))
     for pair in chain:
@@ -133,20 +132,20 @@ def _optimize(
             reference_node=0,
         ),
     )
-    poses = RigidTransform.from_matrix(np.stack([np.asarray(one.pose) for one in graph.nodes]))
-    left = {(usable[edge.target_node_id], usable[edge.source_node_id]) for edge in graph.edges}
-    return poses, left
+    poses = RigidTransform.from_matrix(np.stack([np.asarray(node.pose) for node in graph.nodes]))
+    kept = {(usable[edge.target_node_id], usable[edge.source_node_id]) for edge in graph.edges}
+    return poses, kept
 
 
-# Lengths that belong to the voxel, in the proportion of KISS-SLAM's defaults for voxels of 1 m
-_LOCAL_VOXEL = 0.5  # of local maps and of the views from above [voxels]
-_FIRST_THRESHOLD = 2.0  # of its odometry, until it knows the motion [voxels]
-_THREADS = 1  # sums over several differ in their last bits from run to run
+# Lengths that scale with the voxel, in the proportion of KISS-SLAM's defaults for voxels of 1 m
+_LOCAL_VOXEL = 0.5  # edge in local maps and their density images [voxels]
+_FIRST_THRESHOLD = 2.0  # initial threshold of the odometry [voxels]
+_THREADS = 1  # sums over several threads differ in their last bits from run to run
 
 
 def run_kiss_slam(scans: Sequence[Scan], voxel: float) -> SlamRun:
-    """Map a survey by its default settings without deskewing; lengths that depend on the sensor are set, as the edge of
-    the odometry's voxels [m]. Raises InputError: the package is not installed."""
+    """Map a survey with default settings, but without deskewing and with lengths that fit the sensor and the odometry's
+    `voxel` [m]. Raises InputError: the package is not installed."""
     config = load_package("kiss_slam.config", "kiss-slam", "the method kiss-slam", "slam-peers").KissSLAMConfig()
     slam_module = load_package("kiss_slam.slam", "kiss-slam", "the method kiss-slam", "slam-peers")
     _fit(config, voxel, max(float(np.linalg.norm(scan.points, axis=1).max()) for scan in scans))
@@ -155,7 +154,7 @@ def run_kiss_slam(scans: Sequence[Scan], voxel: float) -> SlamRun:
         slam = slam_module.KissSLAM(config)
         for scan in scans:
             slam.process_scan(np.ascontiguousarray(scan.points, np.float64), np.empty(0))
-        # as its own pipeline ends: the last local map is closed, and all poses are optimized
+        # the end of its own pipeline: close the last local map and optimize all poses
         slam.generate_new_node()
         slam.local_map_graph.erase_last_local_map()
         poses, _ = slam.fine_grained_optimization()

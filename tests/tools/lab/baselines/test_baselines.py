@@ -125,7 +125,7 @@ def test_another_place_is_refused_and_nothing_of_theirs_reaches_stdout(
     found = register(name, easy()[0], elsewhere())
     assert capfd.readouterr().out == ""
     assert not found.accepted
-    assert "believed from" in found.reason
+    assert "wanted at least" in found.reason
 
 
 def test_a_missing_package_is_told() -> None:
