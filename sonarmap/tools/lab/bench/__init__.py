@@ -1,5 +1,5 @@
-"""Benchmarks: kernels beside their NumPy and SciPy twins, and the time of preparing and registering pairs.
+"""Benchmarks of the kernels against their NumPy and SciPy twins, of preparing and registering pairs, and of a survey.
 
-In: a device, voxels per edge, a seed. Out: one result, which `--json` prints and `table.py` shows. The
-`*_cases.py` have one case per kernel, `twins.py` the same work on the host; docs/measured/benchmarks.md has results.
+`run.py` measures on a device and returns one result, which `--json` prints and `table.py` formats. `*_cases.py` define
+a case per kernel, `twins.py` the same work on the host; results are in docs/measured/benchmarks.md.
 """

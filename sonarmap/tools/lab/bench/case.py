@@ -1,7 +1,7 @@
-"""One kernel beside its twin: what each runs, what it moves, how close they must come.
+"""A benchmark case: a kernel and its twin, the bytes that the kernel moves, and the tolerance of their difference.
 
-Bytes are those that the algorithm must move: valid elements of each array that goes in or comes out once. A transform
-in three dimensions that no cache holds goes over its array twice: along rows and columns, and along the first axis.
+The bytes are those that the algorithm must move: the valid elements of each input and output array, once. A transform
+in three dimensions passes over its array twice, along rows and columns and along the first axis, as no cache holds it.
 """
 
 from collections.abc import Callable
@@ -12,40 +12,40 @@ import numpy as np
 
 from sonarmap.kernels.pomf.peak import Peak
 
-# Largest relative L2 difference from a twin in single precision
+# Largest relative L2 differences from a twin in single precision
 FFT = 1e-6
 ELEMENTWISE = 1e-6
 WHITENED = 1e-5
 RESAMPLED = 5e-5
-BLUR = 0.7  # of the correlation that the translation is read from [voxels]
+BLUR = 0.7  # standard deviation of the blur in the correlation over translations [voxels]
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
     """Another library that does the same work."""
 
-    name: str  # the library's
-    run: Callable[[], object]  # the work, done when it returns
-    restore: Callable[[], object] = lambda: None  # put back what it overwrites of its input
+    name: str  # of the library
+    run: Callable[[], object]  # do the work and wait for its end
+    restore: Callable[[], object] = lambda: None  # restore input that `run` overwrites
 
 
 @dataclass(frozen=True, slots=True)
 class KernelCase:
-    """One kernel on one input, and the same by NumPy and SciPy."""
+    """A kernel on one input, and the same work by NumPy and SciPy."""
 
-    name: str  # the kernel's, as its module calls it
-    twin_name: str  # what the twin is made of
+    name: str  # of the kernel in its module
+    twin_name: str  # functions that the twin uses
     moved: int  # bytes that the algorithm must move
     tolerance: float  # largest relative L2 difference of the results
-    run: Callable[[], Any]  # queue the kernel's work, which the caller waits for, and return its result
+    run: Callable[[], Any]  # queue the kernel's work without waiting for it, and return its result
     twin: Callable[[], np.ndarray]  # do the same on the host, and return the result
-    read: Callable[[Any], np.ndarray] = lambda result: result.get()  # what `run` returned, as the twin gives it
-    restore: Callable[[], object] = lambda: None  # put back what run and twin overwrite of their input
-    peers: Callable[[], list[Peer]] = list  # other libraries, made when they are asked for
+    read: Callable[[Any], np.ndarray] = lambda result: result.get()  # bring the result of `run` into the twin's form
+    restore: Callable[[], object] = lambda: None  # restore input that `run` and `twin` overwrite
+    peers: Callable[[], list[Peer]] = list  # create the peers
 
 
 def peak_numbers(peak: Peak) -> np.ndarray:
-    """As `twins.peak` has them."""
+    """The peak in the form of `twins.peak`."""
     return np.concatenate([peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()])
 
 

@@ -1,4 +1,4 @@
-"""Every kernel's case, and how they are timed; a new case is a function of a `Workload` and a line here."""
+"""The cases of all kernels, and their timing. A new case is a function of a `Workload` and a line in CASES."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -40,15 +40,15 @@ CASES: tuple[Callable[[Workload], KernelCase], ...] = (
 )
 
 
-_TRACED = 7  # runs in which the device's own clock is read
+_TRACED = 7  # number of runs that are timed by the device's clock
 
 
 def measure_kernels(
     device: Device, edges: Sequence[int], repeats: int, seed: int, cores: int, step: Callable[[str], None]
 ) -> Iterator[dict[str, Any]]:
-    """The rows of every case on grids of each edge, with `cores` threads for the twins; `step` is called after each.
+    """The rows of all cases on grids of each edge, with `cores` threads for the twins; `step` is called after each.
 
-    The time of launches is known if the device notes it. Raises DeviceError: the device cannot hold an array.
+    Kernel times are only known on a device with profiling. Raises DeviceError: the device cannot hold an array.
     """
     for edge in edges:
         workload = Workload(device, edge, cores, seed)
@@ -63,9 +63,9 @@ def measure_kernels(
 def measure_case(
     case: KernelCase, device: Device, edge: int, repeats: int, built_seconds: float = 0.0
 ) -> dict[str, Any]:
-    """Time one kernel, its twin and its peers in turns, then compare what they made in one more round.
+    """Time a kernel, its twin and its peers in turns, then compare the results of kernel and twin in one more round.
 
-    Its row has seconds, bytes and bytes per second. Its programs took `built_seconds` to build before.
+    The row has seconds, bytes and bytes per second. `built_seconds` is the time that its programs took to build.
     """
     peers = case.peers()
 
@@ -97,22 +97,22 @@ def measure_case(
         "rate": case.moved / median,
         "error": error,
         "tolerance": case.tolerance,
-        "right": error <= case.tolerance,  # not where the error is NaN
-        # what the first run took longer counts to compiling
+        "right": error <= case.tolerance,  # False if the error is NaN
+        # the extra time of the first run counts as compiling
         "compile_seconds": built_seconds + max(build_seconds(clock), first_seconds - median),
         "launches": counts.launches,
         "blocking_reads": counts.reads,
         "event_seconds": sum(kernel_seconds.values()) if kernel_seconds else None,
         "kernel_seconds": kernel_seconds,
         "peers": [
-            {"library": peer.name, "seconds": asdict(own), "ratio": own.median / median}
-            for peer, own in zip(peers, peer_times, strict=True)
+            {"library": peer.name, "seconds": asdict(spent), "ratio": spent.median / median}
+            for peer, spent in zip(peers, peer_times, strict=True)
         ],
     }
 
 
 def _trace(case: KernelCase, device: Device) -> tuple[Counts, dict[str, float]]:
-    """What a run asks of the device, and the median seconds of each of its kernels there, if it notes times."""
+    """Counts of a run's device calls, and median seconds of each of its kernels; empty without profiling."""
     rounds: list[Counts] = []
     for _ in range(_TRACED):
         case.restore()
@@ -123,11 +123,11 @@ def _trace(case: KernelCase, device: Device) -> tuple[Counts, dict[str, float]]:
             case.run()
         device.queue.finish()
     times = [counts.kernel_seconds() for counts in rounds]
-    return rounds[0], {name: float(np.median([each[name] for each in times])) for name in times[0]}
+    return rounds[0], {name: float(np.median([run[name] for run in times])) for name in times[0]}
 
 
 def relative_difference(got: np.ndarray, wanted: np.ndarray) -> float:
-    """Relative L2 difference; infinite where the shapes differ."""
+    """Relative L2 difference; infinite if the shapes differ."""
     if got.shape != wanted.shape:
         return float("inf")
     return float(np.linalg.norm(got - wanted) / np.linalg.norm(wanted))

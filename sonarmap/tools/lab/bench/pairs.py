@@ -1,5 +1,5 @@
-"""Preparing scans and registering pairs, timed in a process of its own, whose memory is then theirs alone; some pairs
-once more on a device that notes times and counts its arrays."""
+"""Time and memory of preparing scans and registering pairs, measured in a separate process; some pairs are measured
+again by stage, on a device that profiles kernels and counts its arrays."""
 
 import gc
 from collections.abc import Callable, Sequence
@@ -26,12 +26,12 @@ from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.simulate.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 
-_TRACED_PAIRS = 8  # after one that does not count
+_TRACED_PAIRS = 8  # after one for warming up
 _PAPER_SECONDS = {128: 10.5, 256: 60.6}  # per registration, by voxels per edge (Sect. 3: MATLAB, 2010)
 
 
 def _trace(selector: str | None, grid: Grid, pairs: list[tuple[Scan, Scan]]) -> dict[str, Any]:
-    """A pair's stages, the memory that it takes on the device, and what was planned for it: part of its row."""
+    """Cells of the row of `measure_pairs`: stages of a pair, its memory on the device, and the planned memory."""
     chosen, config = choose_device(selector), SpectralConfig()
     device = Device(chosen.cl_device, chosen.selector, profiling=True)
     usage = MemoryUsage(device)
@@ -47,7 +47,7 @@ def _trace(selector: str | None, grid: Grid, pairs: list[tuple[Scan, Scan]]) -> 
     with clocked(PAIR_STAGES, device) as clock:
         for target, source in pairs:
             register(target, source)
-    # those that none of these pairs needed as well: tables of other pairs have the same rows
+    # all stages, even those without calls, so that tables of other pairs have the same rows
     names = dict.fromkeys(PAIR_STAGES.values())
     return {
         "device_memory": usage.most,
@@ -85,15 +85,15 @@ def simulate_pairs(count: int, seed: int, step: Callable[[str], None]) -> list[S
 def measure_pairs(
     pairs: list[SimulatedPair], edge: int, selector: str | None, step: Callable[[str], None]
 ) -> dict[str, Any]:
-    """Prepare and register every pair, in a spawned process: their row of the result.
+    """Prepare and register every pair in a spawned process, and return the row of the result.
 
     Memory is that of the whole process and of all arrays on the device [bytes]; stages are per pair; `step` is called
-    after each. The voxel is chosen so that all scans fit. Raises SonarmapError: the scans or the device will not do.
+    after each pair. The voxel fits all scans. Raises SonarmapError: the scans or the device cannot be used.
     """
     grid = choose_grid((scan for pair in pairs for scan in pair[:2]), edge)
     with spawned(1) as pool:
         try:
-            # the first time apart: kernels are compiled at their first launch
+            # the first pair is timed separately: kernels are compiled at their first launch
             first, _ = pool.submit(timed, _measure_pair, selector, grid, pairs[0]).result()
             measured: list[_Measured] = []
             for n, pair in enumerate(pairs):
@@ -103,8 +103,8 @@ def measure_pairs(
             traced = pool.submit(_trace, selector, grid, [pair[:2] for pair in pairs[:_TRACED_PAIRS]]).result()
         except BrokenProcessPool:
             raise DeviceError(
-                "the process that registers pairs was ended from outside, as happens where memory runs out. Use a "
-                "smaller --grid, or --pairs 0 to leave pairs out."
+                "the process that registers pairs was killed, probably as memory ran out. Use a smaller --grid, or "
+                "--pairs 0 to leave pairs out."
             ) from None
     preparing, registering, accepted, right = zip(*measured, strict=True)
     return {
@@ -125,18 +125,18 @@ def _with_longest(seconds: Sequence[float]) -> dict[str, float]:
     return asdict(times) | {"most_over_median": times.most_over_median}
 
 
-# Of a pair: seconds of preparing each scan, of registering them, whether the result is accepted, whether it is right
+# Of a pair: seconds to prepare each scan, seconds to register them, whether the result is accepted and is right
 _Measured = tuple[list[float], float, bool, bool]
 
 
 @lru_cache(maxsize=1)
 def _registrar(selector: str | None, grid: Grid) -> SpectralRegistrar:
-    """The new process's only one."""
+    """The registrar of the spawned process."""
     return SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
 
 
 def _measure_pair(selector: str | None, grid: Grid, pair: SimulatedPair) -> _Measured:
-    """In a new process; no more than two prepared scans are held."""
+    """Measure a pair in the spawned process; at most two prepared scans are held."""
     registrar = _registrar(selector, grid)
 
     def prepare(scan: Scan) -> SpectralScan:
@@ -145,5 +145,5 @@ def _measure_pair(selector: str | None, grid: Grid, pair: SimulatedPair) -> _Mea
         return prepared
 
     (first, target), (second, source) = (timed(prepare, scan) for scan in pair[:2])
-    seconds, found = timed(registrar.register, target, source)
-    return [first, second], seconds, found.accepted, pair_error(found.T_target_source, pair[2]).is_right(grid.voxel)
+    seconds, result = timed(registrar.register, target, source)
+    return [first, second], seconds, result.accepted, pair_error(result.T_target_source, pair[2]).is_right(grid.voxel)

@@ -1,4 +1,4 @@
-"""Points to volumes, volumes and spectra to other coordinates, layers normalized; nearest points and planes."""
+"""Cases of voxelization, resampling of volumes and spectra, normalizing layers, nearest points and planes."""
 
 import numpy as np
 import scipy.fft
@@ -82,9 +82,9 @@ def polar_magnitude_case(w: Workload) -> KernelCase:
     )
 
 
-_EQUALLY_FAR = 1e-4  # tolerance: of two neighbors equally far, either may make the plane
-_FARTHEST = 2.0  # of a point from its plane [voxels]
-_DISTANCE = 1e-5  # tolerance of distances of a voxel between numbers of a hundred voxels
+_EQUALLY_FAR = 1e-4  # tolerance: of two neighbors at equal distance, either may be used for the plane
+_FARTHEST = 2.0  # largest distance of a point from its plane [voxels]
+_DISTANCE = 1e-5  # tolerance of distances of about a voxel between coordinates of about a hundred
 _POINT_BYTES = 16  # of a point among its cells
 _ELEMENT_BYTES = 48  # of a surface element
 

@@ -1,4 +1,4 @@
-"""Correlation over all rotations and its peaks, points against a view, and points under a pose against a target."""
+"""Cases of the correlation over rotations, points against a view, and the correlation over translations."""
 
 from typing import Any
 
@@ -12,12 +12,12 @@ from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import BLUR, KernelCase, peak_numbers
 from sonarmap.tools.lab.bench.workload import BANDWIDTH, SHIFT, R, Workload
 
-# Angle by which roll and pitch of 35 degrees turn the z axis [rad]
+# Rotation angle of the z axis by roll and pitch of 35 degrees [rad]
 _LARGEST = float(np.arccos(np.cos(np.deg2rad(35)) ** 2))
-_SEGMENTS = 4
-_REACH = 1.5  # [voxels]
-_SLOPE = 0.03
-_BORDERS = 1e-3  # tolerance: points on a cell's border fall to either side, some ten of a million
+_SEGMENTS = 4  # of a row, each with a peak
+_REACH = 1.5  # tolerance of ranges at the sensor [voxels]
+_SLOPE = 0.03  # its growth per voxel of range
+_BORDERS = 1e-3  # tolerance: about ten of a million points on borders of cells fall to the other side
 
 
 def correlate_rotations_case(w: Workload) -> KernelCase:
@@ -77,7 +77,7 @@ def wigner_table(betas: np.ndarray) -> np.ndarray:
     return table
 
 
-_TWICE_TRANSFORMED = 1e-4  # tolerance of two transforms and a whitening in single precision
+_TWICE_TRANSFORMED = 1e-4  # tolerance after two transforms and a whitening in single precision
 
 
 def find_case(w: Workload) -> KernelCase:
@@ -108,11 +108,11 @@ def near_case(w: Workload) -> KernelCase:
 
 
 def _given(w: Workload) -> tuple[Correlator, Any, Any]:
-    """A correlator, the points and their target on the device."""
+    """A correlator, and the points and their target on the device."""
     return Correlator(w.device, w.edge, BLUR), w.upload(w.points), w.upload_half(w.shifted)
 
 
 def _correlation(w: Workload) -> np.ndarray:
-    """The correlation as NumPy and SciPy make it."""
+    """The correlation by NumPy and SciPy."""
     source = twins.prepare(twins.voxelize(w.points, R, np.empty_like(w.volume)), w.cores)
     return twins.correlate(w.shifted, source, BLUR, np.empty_like(w.spectrum), w.cores)

@@ -1,6 +1,6 @@
-"""A whole benchmark: the copy rate, the kernels, the pairs, a survey mapped from files to files.
+"""A whole benchmark: the copy rate, the kernels, the pairs, and a survey mapped from scan files to map files.
 
-Its result is the one object that `sonarmap bench --json` prints. Other programs read it: names stay.
+The result is the object that `sonarmap bench --json` prints. Other programs read it: do not rename its keys.
 """
 
 import io
@@ -40,21 +40,21 @@ _RATE_REPEATS = 5
 
 @dataclass(frozen=True, slots=True)
 class BenchPlan:
-    """What a benchmark measures."""
+    """The extent of a benchmark."""
 
-    edges: Sequence[int]  # voxels per edge, each
+    edges: Sequence[int]  # voxels per edge of each grid
     repeats: int  # timed runs of each kernel
-    pairs: int  # how many simulated pairs to register on each edge; 0 for none
+    pairs: int  # number of simulated pairs that are registered on each grid, 0 for none
     kernels: bool  # whether to time the kernels
-    survey: int  # how many scans of a simulated survey to map; 0 for none
-    seed: int  # of all input
+    survey: int  # number of scans of the simulated survey, 0 for none
+    seed: int  # of all simulated input
 
 
 def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Command) -> dict[str, Any]:
-    """Measure on one device, which `choose_device` selects; numbers are of any kind.
+    """Measure on the device that `choose_device` selects; numbers in the result may be of NumPy's types.
 
-    `command` runs `sonarmap` with arguments in its own process; it is a function of a module. Raises InputError: an
-    edge is not a grid's, or nothing is left to measure; DeviceError: there is no such device, or it is too small.
+    `command` runs `sonarmap` with arguments in a spawned process; it is a module's function. Raises InputError: an
+    edge is invalid, or there is nothing to measure; DeviceError: the device does not exist or is too small.
     """
     for edge in plan.edges:
         Grid(edge, 1.0)
@@ -63,7 +63,7 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
     if plan.survey == 1:
         raise InputError("--survey 1: a survey needs 2 scans or more; 0 maps none")
     if plan.pairs or plan.survey:
-        import_module("open3d")  # of the simulator: missing, it is said now and not after a minute of kernels
+        import_module("open3d")  # the simulator needs it; fail now if it is missing, not after a minute of kernels
     chosen = choose_device(selector)
     device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
     cores, before = count_cores(), load_average()
@@ -72,7 +72,7 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
     if plan.kernels:
         with follow("timing kernels", len(plan.edges) * len(CASES)) as step:
             kernels += measure_kernels(device, plan.edges, plan.repeats, plan.seed, cores, step)
-    # again, as the machine's other work may have changed meanwhile
+    # measured again, as the load of the machine may have changed
     copy_rate = float(np.median(rates + measure_copy_rate(device, _RATE_REPEATS)))
     pairs = _pairs(selector, plan, follow) if plan.pairs else []
     survey = measure_survey(plan.survey, plan.seed, selector, follow, command) if plan.survey else None
@@ -99,9 +99,9 @@ def _pairs(selector: str | None, plan: BenchPlan, follow: Follow) -> list[dict[s
 
 
 def measure_survey(count: int, seed: int, selector: str | None, follow: Follow, command: Command) -> dict[str, Any]:
-    """Simulate `count` scans of a lawn mower and map them in a new process with nothing but defaults.
+    """Simulate `count` scans along a lawnmower path and map them in a new process with default settings.
 
-    The result has the seconds from reading the files to the last file written, each stage's own seconds, and the memory
+    The result has the seconds from reading the first file to writing the last, each stage's own seconds, and the memory
     of the process [bytes]. Raises SonarmapError: the survey cannot be mapped.
     """
     with TemporaryDirectory() as folder:
@@ -116,12 +116,12 @@ def measure_survey(count: int, seed: int, selector: str | None, follow: Follow, 
 
 
 def _map(folder: Path, selector: str | None, command: Command) -> dict[str, Any]:
-    """In a new process: map the scans of a folder."""
+    """Map the scans of a folder in this spawned process."""
     arguments = ["map", str(folder / "scans"), "-o", str(folder / "map"), "--json"]
     arguments += ["--device", selector] if selector else []
     with clocked(SURVEY_STAGES) as clock, redirect_stdout(io.StringIO()):
         start = perf_counter()
-        command(arguments)  # scans in several parts end it with another code, which is no matter here
+        command(arguments)  # its exit code, which is not 0 for a map in several components, does not matter here
         seconds = perf_counter() - start
     times = json.loads((folder / "map" / "times.json").read_text(encoding="utf-8"))
     stages = {stage.name: stage.own_seconds for stage in clock.stages.values() if stage.calls}

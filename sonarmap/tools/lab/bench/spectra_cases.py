@@ -1,4 +1,4 @@
-"""Cases of spectra and correlations; transforms also beside those of other libraries, where they are installed."""
+"""Cases of spectra and correlations; transforms are also compared with other libraries that are installed."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -112,7 +112,7 @@ def prepare_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.prepare",
         "scipy.fft.rfftn, NumPy",
-        w.volume_bytes + 3 * w.half_bytes,  # whitening can be part of the last pass
+        w.volume_bytes + 3 * w.half_bytes,  # whitening can be fused into the last pass
         WHITENED,
         run=lambda: pomf.prepare(volume, out=out),
         read=valid,
@@ -127,7 +127,7 @@ def correlate_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.correlate",
         "NumPy, scipy.fft.irfftn",
-        4 * w.half_bytes + w.volume_bytes,  # the product can be part of the first pass
+        4 * w.half_bytes + w.volume_bytes,  # the product can be fused into the first pass
         WHITENED,
         run=lambda: pomf.correlate(target, source, out=out),
         twin=lambda: twins.correlate(*w.whitened, BLUR, scratch, w.cores),
@@ -149,13 +149,13 @@ def find_peaks_case(w: Workload) -> KernelCase:
 
 
 def fft_peers(w: Workload, inverse: bool) -> list[Peer]:
-    """FFTW, planned by measuring, with as many threads as the twins; VkFFT on the same device."""
+    """The installed ones of FFTW (planned by measuring, with the threads of the twins) and VkFFT on the same device."""
     made = [_pyfftw(w, inverse)] if find_spec("pyfftw") else []
     return made + ([_pyvkfft(w, inverse)] if find_spec("pyvkfft") else [])
 
 
 def peer_versions() -> dict[str, str]:
-    """The versions of those that are installed."""
+    """Versions of the installed peers."""
     from importlib.metadata import version
 
     return {name: version(name) for name in ("pyfftw", "pyvkfft") if find_spec(name)}
@@ -175,21 +175,21 @@ def _pyfftw(w: Workload, inverse: bool) -> Peer:
         flags=("FFTW_MEASURE",),
         threads=w.cores,
     )
-    given[:] = source  # planning overwrites both
+    given[:] = source  # planning overwrites input and output
 
     def restore() -> None:
-        if inverse:  # which overwrites its input
+        if inverse:  # the inverse overwrites its input
             given[:] = source
 
     wanted = w.volume if inverse else w.spectrum
-    if not np.linalg.norm(plan() - wanted) <= 1e-5 * np.linalg.norm(wanted):  # what computes something else is no peer
-        raise InputError("pyfftw gives another spectrum than scipy.fft; uninstall it or take another version")
+    if not np.linalg.norm(plan() - wanted) <= 1e-5 * np.linalg.norm(wanted):
+        raise InputError("the results of pyfftw and scipy.fft differ; uninstall pyfftw or install another version")
     restore()
     return Peer("pyfftw", plan.execute if not inverse else plan, restore)
 
 
 def _pyvkfft(w: Workload, inverse: bool) -> Peer:
-    # no dependency of ours: it is compiled where it is installed
+    # not a dependency of sonarmap, as pip has to compile it
     app_class = import_module("pyvkfft.opencl").VkFFTApp
     queue = w.device.queue
     app = app_class(w.volume.shape, np.float32, queue, r2c=True, inplace=False)

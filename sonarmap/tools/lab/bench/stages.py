@@ -1,7 +1,7 @@
-"""Where a pair's time goes: each stage's wall time, and what it asks of the device.
+"""The wall time of each stage of a computation, and its calls of the device.
 
-A stage is a function or method, named below where it stands. While a block runs it is called through a clock; the code
-of the stages knows nothing of it.
+A stage is a function or method, listed below by its module. `clocked` replaces it by a timed wrapper while a block
+runs; the code of the stages does not change.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from typing import Any
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.trace import Counts, everywhere, tracing
 
-# "module:name" or "module:Class.name" -> the stage's name, the same where work is queued first and read later.
+# "module:name" or "module:Class.name" -> name of the stage; several functions may belong to one stage
 PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.registration:SpectralRegistrar.prepare": "prepare",
     "sonarmap.spectral.prepare.prepared:Preparer.prepare": "prepare: voxels, spectrum",
@@ -41,7 +41,7 @@ PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.registration:SpectralRegistrar._conclude": "covariance, probability",
 }
 
-# Drivers compile when a program is built, and some when it is first launched.
+# Drivers compile when a program is built; some compile at its first launch.
 BUILDS: Mapping[str, str] = {"sonarmap.kernels.device.device:Device.build": "build"}
 
 SURVEY_STAGES: Mapping[str, str] = {
@@ -60,37 +60,37 @@ SURVEY_STAGES: Mapping[str, str] = {
 
 @dataclass(slots=True)
 class Stage:
-    """One stage, summed over its calls."""
+    """A stage, summed over its calls."""
 
-    name: str  # what it is called
-    calls: int = 0  # how often it ran
-    seconds: float = 0.0  # wall time with the stages within it [s]
-    own_seconds: float = 0.0  # wall time without these [s]
-    counts: Counts = field(default_factory=Counts)  # what it asked of the device itself, without these
+    name: str
+    calls: int = 0
+    seconds: float = 0.0  # wall time, including nested stages [s]
+    own_seconds: float = 0.0  # wall time without nested stages [s]
+    counts: Counts = field(default_factory=Counts)  # calls of the device, without nested stages
 
 
 class StageClock:
-    """Times the stages, each called within the one before it on its thread."""
+    """Times stages, which may be nested and run on several threads."""
 
     def __init__(self) -> None:
-        self.stages: dict[str, Stage] = {}  # by name, in the order in which they began first; "" is what ran in none
+        self.stages: dict[str, Stage] = {}  # by name, in order of their first call; "" is what ran outside of all
         self._open: dict[int, list[tuple[Stage, float, list[float]]]] = {}
 
     def counts(self) -> Counts:
-        """Of the stage that runs on this thread."""
+        """The counts of the stage that runs on this thread."""
         stack = self._open.get(get_ident())
         return (stack[-1][0] if stack else self._stage("")).counts
 
     def timed(self, name: str, original: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, its calls timed."""
+        """A wrapper of `original` that times its calls as part of a stage."""
 
         @wraps(original)
-        def call(*given: Any, **options: Any) -> Any:
+        def call(*arguments: Any, **options: Any) -> Any:
             stack = self._open.setdefault(get_ident(), [])
             stage, inner = self._stage(name), [0.0]
             stack.append((stage, perf_counter(), inner))
             try:
-                return original(*given, **options)
+                return original(*arguments, **options)
             finally:
                 _, start, _ = stack.pop()
                 took = perf_counter() - start
@@ -108,7 +108,7 @@ class StageClock:
 
 @contextmanager
 def clocked(stages: Mapping[str, str], device: Device | None = None) -> Iterator[StageClock]:
-    """Time stages, as of PAIR_STAGES, while the block runs, and count what they ask of a device, if one is given."""
+    """Time stages (a mapping such as PAIR_STAGES) while the block runs, and count their calls of a device, if given."""
     clock = StageClock()
     with ExitStack() as stack:
         for place, name in stages.items():
@@ -120,19 +120,19 @@ def clocked(stages: Mapping[str, str], device: Device | None = None) -> Iterator
 
 
 def build_seconds(clock: StageClock) -> float:
-    """What building programs took, of BUILDS [s]."""
+    """The time of building programs, from a clock of BUILDS [s]."""
     return clock.stages["build"].seconds if "build" in clock.stages else 0.0
 
 
 def places(place: str) -> list[tuple[Any, str, Callable[..., Any]]]:
-    """Where a function of "module:name" or "module:Class.name" stands: owner, attribute, function.
+    """All places of the function "module:name" or "module:Class.name", each as owner, attribute and function.
 
-    A function stands in its module and in every module that has imported it. Raises AttributeError: there is none.
+    The owners of a function are its module and every module that imported it. Raises AttributeError: it does not exist.
     """
     module, _, path = place.partition(":")
     owner: Any = importlib.import_module(module)
     *classes, name = path.split(".")
-    for each in classes:
-        owner = getattr(owner, each)
+    for class_name in classes:
+        owner = getattr(owner, class_name)
     function = getattr(owner, name)
     return [(owner, name, function)] if classes else [(*known, function) for known in everywhere(function)]

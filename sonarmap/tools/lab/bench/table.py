@@ -1,4 +1,4 @@
-"""A benchmark's result for people, at a terminal."""
+"""Formats the result of a benchmark as tables for the terminal."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -13,18 +13,18 @@ Columns = Mapping[str, Callable[[Row], str]]  # heading -> the cell of a row
 
 
 def number(name: str, form: str = "", scale: float = 1) -> Callable[[Row], str]:
-    """A cell with a number of the row in a format, "" where it is None."""
+    """A cell with the number `name` of a row times `scale`, in a format; "" for None."""
     return lambda row: "" if row[name] is None else f"{scale * row[name]:{form}}"
 
 
 def milliseconds(name: str) -> Callable[[Row], str]:
-    """A cell with median and quartiles of the row's times."""
+    """A cell with the median and quartiles of times of a row."""
     parts = ("median", "first_quartile", "third_quartile")
     return lambda row: "{} [{}..{}]".format(*(f"{1e3 * row[name][part]:.3g}" for part in parts))
 
 
 def gibibytes(name: str) -> Callable[[Row], str]:
-    """A cell with a memory of the row."""
+    """A cell with an amount of memory of a row."""
     return lambda row: f"{row[name] / 2**30:.2f} GiB"
 
 
@@ -75,7 +75,7 @@ _STAGE: Columns = {
 
 
 def describe(result: Row) -> RenderableType:
-    """The machine, the kernels, the pairs, the survey of a result, as `run_bench` gives it."""
+    """Text and tables of the machine, kernels, pairs and survey in a result of `run_bench`."""
     pairs, survey = result["pairs"], result["survey"]
     parts: list[RenderableType] = [Text(line) for line in (*_head(result), *map(_pair_words, pairs))]
     for grid in dict.fromkeys(row["grid"] for row in result["kernels"]):
@@ -118,7 +118,7 @@ def _pair_words(row: Row) -> str:
 
 
 def _kernel_lines(row: Row) -> Iterator[list[str | Text]]:
-    """The kernel's, and those of other libraries."""
+    """The line of the kernel, and one per peer."""
     line: list[str | Text] = [*cells(_KERNEL, row), row["twin"]]
     if not row["right"]:
         line[-5:-1] = ["-", "-", "-", Text(f"WRONG {row['error']:.1e}", "bold red")]
@@ -134,7 +134,7 @@ def _pair_lines(row: Row) -> Iterator[list[str]]:
 
 
 def _survey_lines(survey: Row) -> Iterator[list[str]]:
-    """The stages, the longest first."""
+    """A line per stage, the longest first."""
     for name, seconds in sorted(survey["stages"].items(), key=lambda stage: -stage[1]):
         share, scan = seconds / survey["seconds"], seconds / survey["scans"]
         yield [name, f"{seconds:.2f}", f"{share:.1%}", f"{1e3 * scan:.1f}"]

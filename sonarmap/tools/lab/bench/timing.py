@@ -1,4 +1,4 @@
-"""Times of calls that take turns, the machine that they belong to, and the rate at which its device copies."""
+"""Timing of interleaved calls, facts about the host, and the copy rate of a device."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -15,13 +15,13 @@ from sonarmap.kernels.device.device import Device
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_TWIN_SECONDS = 5.0  # that a slow twin takes in all, about
-_FEWEST = 3  # runs of a slow twin
+_TWIN_SECONDS = 5.0  # approximate total time of a slow twin [s]
+_FEWEST = 3  # smallest number of runs of a slow twin
 
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """Median, quartiles and ends of repeated measurements of one duration [s]."""
+    """Median, quartiles and extremes of repeated measurements of a duration [s]."""
 
     count: int
     median: float
@@ -32,18 +32,18 @@ class Times:
 
     @property
     def most_over_median(self) -> float:
-        """1 where the time is fixed."""
+        """The largest over the median; 1 if all measurements are equal."""
         return self.most / self.median
 
 
 def summarize(seconds: Sequence[float]) -> Times:
-    """Of at least one duration."""
+    """The statistics of one or more durations [s]."""
     least, first, median, third, most = np.quantile(seconds, [0, 0.25, 0.5, 0.75, 1]).tolist()
     return Times(len(seconds), median, first, third, least, most)
 
 
 def timed(call: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> tuple[float, T]:
-    """Seconds of wall time of one call, and what it returned."""
+    """The wall time of a call [s], and its result."""
     start = perf_counter()
     returned = call(*arguments, **options)
     return perf_counter() - start, returned
@@ -55,10 +55,10 @@ def interleave(
     repeats: int,
     restore: Callable[[], object] = lambda: None,
 ) -> list[Times]:
-    """The times of calls that take turns, so that other work of the machine slows all of them, in their order.
+    """Times of calls that take turns, so that other load of the machine affects all of them; in the order of the calls.
 
-    The first is called `repeats` times, the others less often if they are slow. Each is called once before, untimed,
-    and `restore` puts back what calls overwrite of their input before every round.
+    `first` is called `repeats` times, the others less often if they are slow. Each is called once before, untimed.
+    `restore` is called before every round, to restore input that the calls overwrite.
     """
     restore()
     first()
@@ -74,23 +74,23 @@ def interleave(
 
 
 def processor_name() -> str:
-    """The host's, as the system gives it; "" where it does not."""
+    """The host's processor; "" if the system does not name it."""
     cpuinfo = Path("/proc/cpuinfo")
     lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
     return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
 
 
 def count_cores() -> int:
-    """Cores that this process may use: fewer than the machine has where it is bound to some."""
+    """Number of cores that this process may use, which its CPU affinity can limit."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def load_average() -> float | None:
-    """Runnable processes over the last minute, this one's own threads among them; None where not known."""
+    """Mean number of runnable threads in the last minute, including this process; None if unknown."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
-# On PoCL faster than the driver's own copy, which uses one core
+# On PoCL it is faster than the driver's copy, which uses one core
 _SOURCE = """
 __kernel void copy(__global const float4* const restrict from, __global float4* const restrict to) {
     to[get_global_id(0)] = from[get_global_id(0)];
@@ -98,11 +98,11 @@ __kernel void copy(__global const float4* const restrict from, __global float4* 
 """
 _LANES = 4
 _GROUP = 256
-MAX_BYTES = 2**27  # of the array that is copied, far more than any cache
+MAX_BYTES = 2**27  # largest size of the copied array, far more than any cache
 
 
 def copier(device: Device, source: np.ndarray) -> Callable[[], Any]:
-    """A call that copies a float32 array whose size is a multiple of 1024 on the device, and returns the copy."""
+    """A function that copies `source` on the device and returns the copy; float32, its size a multiple of 1024."""
     kernel = _kernel(device)
     given, copy = device.to_device(source), device.empty(source.shape)
 
@@ -114,7 +114,7 @@ def copier(device: Device, source: np.ndarray) -> Callable[[], Any]:
 
 
 def measure_copy_rate(device: Device, repeats: int) -> list[float]:
-    """The rates of some copies, reads and writes both counted [bytes/s]."""
+    """The rate of each of `repeats` copies, counting both reads and writes [bytes/s]."""
     limit = min(MAX_BYTES, device.cl_device.max_mem_alloc_size, device.cl_device.global_mem_size // 8)
     size = 2 ** (int(limit).bit_length() - 1)
     copy = copier(device, np.ones(size // 4, np.float32))

@@ -1,6 +1,6 @@
-"""What NumPy and SciPy need for the same work: the twins of the kernels, in single precision.
+"""The twins of the kernels: the same work by NumPy and SciPy, in single precision.
 
-FFTs and resampling use as many threads as they are given; NumPy's elementwise work has one.
+FFTs and resampling use `cores` threads; elementwise operations of NumPy use one.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import scipy.fft
 from scipy.ndimage import map_coordinates, maximum_filter
 from scipy.spatial import KDTree
 
-_FLOOR = 1e-9
+_FLOOR = 1e-9  # magnitudes up to it are whitened to 0
 
 
 def forward(volume: np.ndarray, cores: int) -> np.ndarray:
@@ -20,12 +20,12 @@ def forward(volume: np.ndarray, cores: int) -> np.ndarray:
 
 
 def inverse(spectrum: np.ndarray, cores: int) -> np.ndarray:
-    """The cube of a half spectrum (N, N, N/2 + 1)."""
+    """The real (N, N, N) volume of a half spectrum (N, N, N/2 + 1)."""
     return np.asarray(scipy.fft.irfftn(spectrum, s=(spectrum.shape[0],) * 3, workers=cores))
 
 
 def voxelize(points: np.ndarray, R: np.ndarray, volume: np.ndarray) -> np.ndarray:
-    """The largest weight of each voxel of `volume` (N, N, N) float32, overwritten; points (n, 4) float32."""
+    """Overwrite `volume` (N, N, N) float32 with the largest weight in each voxel; points (n, 4) float32."""
     edge = volume.shape[0]
     cells = np.floor(points[:, :3] @ R.T.astype(np.float32) + np.float32(edge / 2 + 0.5)).astype(np.int32)
     inside = ((cells >= 0) & (cells < edge)).all(axis=1)
@@ -41,14 +41,14 @@ def magnitude(spectrum: np.ndarray) -> np.ndarray:
 
 
 def whiten(spectrum: np.ndarray, out: np.ndarray) -> np.ndarray:
-    """F / |F| into `out`, 0 where |F| is tiny."""
+    """Write F / |F| into `out`, 0 where |F| is tiny."""
     size = np.abs(spectrum)
     size[size <= _FLOOR] = np.inf
     return np.divide(spectrum, size, out=out)
 
 
 def cross_power(target: np.ndarray, source: np.ndarray, blur: float, out: np.ndarray) -> np.ndarray:
-    """target conj(source) of half spectra of cubes into `out`, blurred by a Gaussian [voxels]."""
+    """Write target conj(source) of half spectra of cubes into `out`, blurred by a Gaussian [voxels]."""
     edge = target.shape[0]
     gain = np.exp(-2 * (np.pi * blur * np.fft.fftfreq(edge)) ** 2).astype(np.float32)
     np.conj(source, out=out)
@@ -59,7 +59,7 @@ def cross_power(target: np.ndarray, source: np.ndarray, blur: float, out: np.nda
 
 
 def prepare(volume: np.ndarray, cores: int) -> np.ndarray:
-    """The whitened half spectrum."""
+    """The whitened half spectrum of a real volume."""
     spectrum = forward(volume, cores)
     return whiten(spectrum, spectrum)
 
@@ -70,7 +70,7 @@ def correlate(target: np.ndarray, source: np.ndarray, blur: float, scratch: np.n
 
 
 def peak(correlation: np.ndarray) -> np.ndarray:
-    """Of the highest voxel: its index (3), value, peak-to-sidelobe ratio, neighborhood (27); 32 numbers."""
+    """(32,): index (3), value, peak-to-sidelobe ratio and neighborhood (27) of the highest voxel."""
     index = np.array(np.unravel_index(np.argmax(correlation), correlation.shape))
     mean, std = correlation.mean(dtype=np.float64), correlation.std()
     around = np.ix_(*((i + np.arange(-1, 2)) % n for i, n in zip(index, correlation.shape, strict=True)))
@@ -93,8 +93,8 @@ def sample(magnitude: np.ndarray, directions: np.ndarray, radii: np.ndarray, R: 
 
 
 def normalize_layers(stack: np.ndarray, window: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """(L, H, W): each layer less its mean, over its deviation, both under the mask, times the window."""
-    # taken, not indexed: rows stay contiguous, so that NumPy sums them pairwise and keeps its precision
+    """(L, H, W): each layer minus its mean, over its standard deviation, times the window, all under the mask."""
+    # np.take keeps rows contiguous, so that NumPy sums them pairwise and keeps its precision
     inside = np.take(stack.reshape(len(stack), -1), np.flatnonzero(mask), axis=1)
     mean, std = inside.mean(axis=1), inside.std(axis=1)
     out = stack - mean[:, None, None]
@@ -119,8 +119,8 @@ def polar_magnitude(spectrum: np.ndarray, radii: np.ndarray, angles: np.ndarray,
 def correlate_rotations(
     target: np.ndarray, source: np.ndarray, wigner: np.ndarray, edge: int, cores: int
 ) -> np.ndarray:
-    """The correlation over rotations (betas + 1, edge, edge), the last image 0, of (degrees, L, 2 bandwidth - 1)
-    coefficients; `wigner` (degrees, betas, 2 bandwidth - 1, bandwidth) begins with the order 0 along the last axis."""
+    """The correlation over rotations (betas + 1, edge, edge), its last image 0, from (degrees, L, 2 bandwidth - 1)
+    coefficients; the last axis of `wigner` (degrees, betas, 2 bandwidth - 1, bandwidth) starts at order 0."""
     bandwidth = wigner.shape[3]
     products = target.transpose(0, 2, 1) @ source[:, :, bandwidth - 1 :].conj()
     spectrum = np.zeros((wigner.shape[1] + 1, edge, edge // 2 + 1), np.complex64)
@@ -130,8 +130,8 @@ def correlate_rotations(
 
 
 def segment_peaks(correlation: np.ndarray, segments: int, images: int) -> np.ndarray:
-    """The highest local maximum of every segment of every row of the first images, highest first: (m, 4), index and
-    value."""
+    """(m, 4): index and value of the highest local maximum in each segment of each row of the first `images` images,
+    highest first."""
     values = np.where(correlation == maximum_filter(correlation, 3, mode="wrap"), correlation, -np.inf)
     parts = values.reshape(*correlation.shape[:2], segments, -1)
     columns = parts.argmax(axis=3)
@@ -142,12 +142,12 @@ def segment_peaks(correlation: np.ndarray, segments: int, images: int) -> np.nda
 
 
 def nearest(tree: KDTree, points: np.ndarray, R: np.ndarray, t: np.ndarray, cores: int) -> np.ndarray:
-    """(m,) distances of the moved points (m, 3) to the nearest of the tree."""
+    """(m,) distances of the points (m, 3), moved by R and t, to the nearest point of the tree."""
     return np.asarray(tree.query(points @ R.T.astype(np.float32) + t.astype(np.float32), workers=cores)[0])
 
 
 def on_planes(tree: KDTree, points: np.ndarray, neighbors: int, farthest: float, cores: int) -> np.ndarray:
-    """(m, 3): the points on the planes of their neighbors, where these are no farther away than `farthest`."""
+    """(m, 3): the points projected onto the planes of their neighbors; points beyond `farthest` are not moved."""
     around = points[np.asarray(tree.query(points, neighbors, workers=cores)[1])]
     middle = around.mean(axis=1)
     spread = around - middle[:, None]
@@ -160,7 +160,7 @@ def on_planes(tree: KDTree, points: np.ndarray, neighbors: int, farthest: float,
 def agreement(
     view: np.ndarray, points: np.ndarray, R: np.ndarray, t: np.ndarray, reach: float, slope: float
 ) -> np.ndarray:
-    """(m, 3): of points (n, 3) under each pose, those that agree, that contradict, and that fall into seen cells."""
+    """(m, 3): numbers of points (n, 3) that agree, contradict, and fall into seen cells, under each of m poses."""
     counts = np.empty((len(R), 3), np.int64)
     edge = len(view)
     for n, (turn, shift) in enumerate(zip(R.astype(np.float32), t.astype(np.float32), strict=True)):
@@ -178,7 +178,7 @@ def agreement(
 
 
 def _spread(work: Callable[[int], None], count: int, cores: int) -> None:
-    """Call work(0..count-1) on threads: scipy.ndimage has none of its own, and lets go of the lock."""
+    """Call work(0..count-1) on threads: scipy.ndimage is single-threaded, but releases the GIL."""
     with ThreadPoolExecutor(cores) as pool:
         for _ in pool.map(work, range(count)):
             pass

@@ -1,4 +1,4 @@
-"""The input that the kernels of one edge are measured on: seeded noise, the same for device and twin."""
+"""Seeded random input of the kernels for grids of one size, the same for device and twin."""
 
 from functools import cached_property
 from typing import Any
@@ -10,30 +10,30 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.tools.lab.bench import twins
 
-# A rotation about no axis of the grid
+# A rotation about an axis that is none of the grid
 R: np.ndarray = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
-# A pose that is nearly right, as a refinement begins with
+# A small error of a pose, as at the start of a refinement
 SMALL_TURN: np.ndarray = Rotation.from_rotvec([0.02, -0.01, 0.03]).as_matrix()
 SMALL_SHIFT = np.array([0.4, -0.7, 0.3])  # [voxels]
-_LAYERS = (0.2, 0.8)  # radii of the layers, as shares of N/2 (Sect. 2.8 of the paper); one layer per frequency bin
-SHIFT = (3, -7, 5)  # of a source against its target [voxels]
-BANDWIDTH = 48  # of what a registration correlates over all rotations, on any grid
-SPHERES = 20
-_CELLS = 128  # per edge of a scan's range image
-_SEEN = 1500  # points that are put into it
-_POSES = 700
-_POINTS = 256 * 192  # as a sensor of 256 x 192 beams gives
+_LAYERS = (0.2, 0.8)  # range of the layers' radii over N/2 (paper Sect. 2.8), with one layer per frequency bin
+SHIFT = (3, -7, 5)  # between a source and its target [voxels]
+BANDWIDTH = 48  # of the correlation over rotations in a registration, on any grid
+SPHERES = 20  # number of its layers
+_CELLS = 128  # per edge of a range image
+_SEEN = 1500  # number of points that are compared with it
+_POSES = 700  # number of poses at which they are compared
+_POINTS = 256 * 192  # number of points of a sensor of 256 x 192 beams
 
 
 class Workload:
-    """Arrays on the host, each made at its first use, and their upload; N is the number of voxels per edge."""
+    """Arrays on the host, each computed at its first use, and their upload; N is the number of voxels per edge."""
 
     def __init__(self, device: Device, edge: int, cores: int, seed: int) -> None:
         self.device, self.edge, self.cores, self._seed = device, edge, cores, seed
         self.volume_bytes, self.half_bytes = 4 * edge**3, 8 * edge**2 * (edge // 2 + 1)
 
     def rng(self, stream: int) -> np.random.Generator:
-        """Random numbers that depend on the seed, the edge and the stream only."""
+        """A random generator that depends only on the seed, the edge and `stream`."""
         return np.random.default_rng([self._seed, self.edge, stream])
 
     @cached_property
@@ -53,7 +53,7 @@ class Workload:
 
     @cached_property
     def whitened(self) -> tuple[np.ndarray, np.ndarray]:
-        """Two half spectra (N, N, N/2 + 1) complex64: a target, and a source that is it shifted, with noise."""
+        """Whitened half spectra (N, N, N/2 + 1) complex64: of a target (the shifted source plus noise) and a source."""
         noise = self.rng(1).standard_normal(self.volume.shape, dtype=np.float32)
         target = np.roll(self.volume, SHIFT, axis=(0, 1, 2)) + noise
         return twins.prepare(target, self.cores), twins.prepare(self.volume, self.cores)
@@ -70,7 +70,7 @@ class Workload:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(n, 4) float32: points [voxels from the center] and weights; `R` turns none onto a voxel's wall."""
+        """(n, 4) float32: points [voxels from the center] and weights; `R` moves none of them to a voxel's boundary."""
         rng = self.rng(3)
         voxels = rng.integers(0, self.edge, (_POINTS, 3)) - self.edge // 2
         turned = voxels + rng.uniform(-0.45, 0.45, (_POINTS, 3))
@@ -84,7 +84,7 @@ class Workload:
 
     @cached_property
     def surface(self) -> np.ndarray:
-        """(m, 3) float32: a noisy hilly bed, one point a voxel, up to half as many as a face of the grid has voxels."""
+        """(m, 3) float32: a noisy hilly bed, at most one point per voxel and N^2 / 2 points [voxels]."""
         rng = self.rng(8)
         x, y = rng.uniform(-0.4 * self.edge, 0.4 * self.edge, (2, self.edge**2 // 2))
         waves = 20.0 / self.edge
@@ -95,7 +95,7 @@ class Workload:
 
     @cached_property
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of real layers, a target's and a source's: (BANDWIDTH / 2, SPHERES, 2 BANDWIDTH - 1) complex64 each."""
+        """(BANDWIDTH / 2, SPHERES, 2 BANDWIDTH - 1) complex64: coefficients of real layers of target and source."""
         rng, orders = self.rng(4), np.arange(1 - BANDWIDTH, BANDWIDTH)
         normal = rng.standard_normal((2, BANDWIDTH // 2, SPHERES, len(orders), 2), dtype=np.float32)
         half = normal @ np.array([1, 1j], np.complex64)
@@ -107,7 +107,7 @@ class Workload:
 
     @cached_property
     def view(self) -> np.ndarray:
-        """(cells, cells, 2) float32: nearest and farthest ranges, a third of the cells unseen."""
+        """(cells, cells, 2) float32: nearest and farthest range per cell [voxels]; a third of the cells is unseen."""
         rng = self.rng(5)
         near = rng.uniform(0.2, 0.4, (_CELLS, _CELLS)) * self.edge
         view = np.stack([near, near + rng.uniform(0, 4, near.shape)], axis=-1)
@@ -116,7 +116,7 @@ class Workload:
 
     @cached_property
     def seen(self) -> np.ndarray:
-        """(n, 3) float32: points to be put into the view [voxels]."""
+        """(n, 3) float32: points that are compared with the view [voxels]."""
         return self.rng(6).uniform(-0.4 * self.edge, 0.4 * self.edge, (_SEEN, 3)).astype(np.float32)
 
     @cached_property
@@ -126,15 +126,15 @@ class Workload:
         return Rotation.random(_POSES, rng=rng).as_matrix(), rng.uniform(-0.2, 0.2, (_POSES, 3)) * self.edge
 
     def upload(self, array: np.ndarray) -> Any:
-        """The array on the device."""
+        """Copy an array to the device."""
         return self.device.to_device(array)
 
     def upload_half(self, spectrum: np.ndarray) -> Any:
-        """A half spectrum (..., N/2 + 1) on the device, with the kernels' padding."""
+        """Copy a half spectrum (..., N/2 + 1) to the device, with the padding of the kernels."""
         return self.upload(self.pad(spectrum))
 
     @staticmethod
     def pad(spectrum: np.ndarray) -> np.ndarray:
-        """A half spectrum (..., N/2 + 1) with the kernels' padding: (..., `row_pitch(N)`)."""
+        """Pad a half spectrum (..., N/2 + 1) as the kernels do, to (..., `row_pitch(N)`)."""
         valid = spectrum.shape[-1]
         return np.pad(spectrum, [(0, 0)] * (spectrum.ndim - 1) + [(0, row_pitch(2 * valid - 2) - valid)])
