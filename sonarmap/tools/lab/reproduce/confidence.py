@@ -1,5 +1,5 @@
-"""What the probability and the covariance of a registration are fitted to: pairs of every kind are registered, what
-was measured of them is recorded, and the fit is tested on pairs that it has not seen."""
+"""Fit of the probability and the covariance of registrations to recorded pairs of every kind, tested on pairs that the
+fit does not use."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -35,38 +35,38 @@ from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.methods.fingerprint import fingerprint
 
 CLUES = tuple(field.name for field in fields(Clues))
-NEAR = (12.0, 8.0)  # a place is right within these of the truth [degrees, voxels]
-_RIDGE = 1e-3  # weight of the squared weights in the mean loss, of columns with deviation 1
-_RARE = 0.005  # share of the pairs on either side that say nothing of a clue's range
-# A place that is farther off is wrong, whatever its covariance says [degrees, voxels]
+NEAR = (12.0, 8.0)  # largest errors of a right place [degrees, voxels]
+_RIDGE = 1e-3  # weight of the squared weights in the mean loss, for columns of standard deviation 1
+_RARE = 0.005  # quantile of a clue at which its range is cut, on either side
+# Largest errors of a right place within its covariance's ellipsoid [degrees, voxels]
 _FARTHEST = (30.0, 40.0)
-# Scans have slid if they are farther off than both bounds, within the reach of the correlation
-_SLID_SIGMAS = 2.5  # standard deviations by their planes
+# Scans have slid if their error exceeds both bounds and is within the reach of the correlation
+_SLID_SIGMAS = 2.5  # standard deviations by the planes alone
 _SLID_COARSE = 1.5  # coarse voxels
 _REACH_COARSE = 12.0  # coarse voxels
 
 
 def fit_odds(clues: np.ndarray, right: np.ndarray, share: np.ndarray, start: Odds | None = None) -> Odds:
-    """From (N, K) clues of N pairs; each is `right` (N,) with the probability of these odds times its share (N,).
+    """Odds fitted to (N, K) clues of N pairs; each is `right` (N,) with the probability of its odds times `share` (N,).
 
-    Those of nearly the same pairs are a good `start`.
+    The odds of nearly the same pairs are a good `start`.
     """
     low, high = np.quantile(clues, [_RARE, 1 - _RARE], axis=0)
     within = np.clip(clues, low, high)
     deviation = within.std(axis=0)
     odds = Odds(CLUES, low, high, within.mean(axis=0), np.where(deviation > 0, deviation, 1.0))
-    known = None if start is None or start.weights is None else np.append(start.weights, start.constant)
-    constant, weights = fit_logistic(odds.columns(clues), right, share, known)
+    begin = None if start is None or start.weights is None else np.append(start.weights, start.constant)
+    constant, weights = fit_logistic(odds.columns(clues), right, share, begin)
     return replace(odds, constant=constant, weights=weights)
 
 
 def fit_logistic(
     columns: np.ndarray, right: np.ndarray, share: np.ndarray | float = 1.0, start: np.ndarray | None = None
 ) -> tuple[float, np.ndarray]:
-    """Constant and weights of log odds by maximum likelihood, linear in (N, M) columns of a deviation of about 1.
+    """Constant and weights of log odds linear in (N, M) columns of standard deviation 1, by maximum likelihood.
 
-    Each row is `right` with the probability of these odds times its share. A small weight on the squares of the weights
-    keeps these finite. The search begins at `start` (M + 1,), weights and constant.
+    Each row is `right` with the probability of its odds times its share. A ridge penalty keeps the weights finite. The
+    optimization begins at `start` (M + 1,), weights and constant.
     """
     x = np.column_stack([columns, np.ones(len(columns))])
     ridge = np.append(np.full(columns.shape[1], _RIDGE), _RIDGE**2)
@@ -85,39 +85,39 @@ def fit_logistic(
         return (x.T * (slope**2 / (p * (1 - p)))) @ x / len(x) + np.diag(ridge)
 
     begin = np.zeros(x.shape[1]) if start is None else start
-    found = minimize(loss, begin, jac=True, hess=information, method="trust-krylov").x
-    return float(found[-1]), found[:-1]
+    solution = minimize(loss, begin, jac=True, hess=information, method="trust-krylov").x
+    return float(solution[-1]), solution[:-1]
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedPairs:
-    """N recorded pairs with their covariances, and what their probability is to be made of."""
+    """N recorded pairs with the inputs of their probability."""
 
     pairs: Sequence[RecordedPair]
-    clues: np.ndarray  # (N, K) the CLUES of each
-    share: np.ndarray  # (N,) of the probability that the best hypothesis has by its score
-    nees: np.ndarray  # (N,) squared error over covariance; NaN where no pose is right
-    fixed: np.ndarray  # (N,) probability that the pose is fixed
-    sigma: np.ndarray  # (N,) standard deviation along the least sure direction [voxels]
+    clues: np.ndarray  # (N, K) their CLUES
+    share: np.ndarray  # (N,) share of the probability that the score of the best hypothesis gives it
+    nees: np.ndarray  # (N,) normalized squared error; NaN without a true pose
+    fixed: np.ndarray  # (N,) probability that the pose is within the bounds of acceptance if its place is right
+    sigma: np.ndarray  # (N,) largest standard deviation of the translation along any direction [voxels]
 
     @property
     def near(self) -> np.ndarray:
-        """(N,) whether the place is right, however sure the pose."""
+        """(N,) bool: whether the place is right by NEAR, whatever the covariance."""
         return np.array([(pair.off[0] <= NEAR).all() for pair in self.pairs])
 
     @property
     def right(self) -> np.ndarray:
-        """(N,) whether the place is right, or as far off as the covariance says."""
+        """(N,) bool: whether the place is right by NEAR, or within its 95 % ellipsoid and _FARTHEST."""
         off = np.array([pair.off[0] for pair in self.pairs])
         return self.near | ((self.nees <= ELLIPSOID) & (off <= _FARTHEST).all(axis=1))
 
     def probability(self, odds: Odds) -> np.ndarray:
-        """(N,) that the best hypothesis names the right place."""
+        """(N,) probability that the best hypothesis has the right place."""
         return expit(odds.of(self.clues)) * self.share
 
 
 def judged(pairs: Sequence[RecordedPair], slide: Slide) -> JudgedPairs:
-    """The pairs, by the rules of the package but for how far scans slide."""
+    """The pairs, evaluated by the rules of the package with another model of sliding."""
     rows = []
     for pair in pairs:
         best, voxel = pair.hypotheses[0], pair.grid.voxel
@@ -134,7 +134,7 @@ def judged(pairs: Sequence[RecordedPair], slide: Slide) -> JudgedPairs:
 
 
 def fit_slide(pairs: Sequence[RecordedPair]) -> Slide:
-    """How far scans slide, from pairs whose place is right as far as the correlation was looked at."""
+    """The model of sliding, fitted to pairs whose error is within NEAR in rotation and the correlation's reach."""
     slides, slid, far = [], [], []
     for pair in pairs:
         voxel, coarse = pair.grid.voxel, pair.grid.edge / coarse_edge(pair.grid.edge)
@@ -142,7 +142,7 @@ def fit_slide(pairs: Sequence[RecordedPair]) -> Slide:
             continue
         covariance = fit_covariance(pair.hypotheses[0], pair.centers, pair.grid).posterior
         R, center = pair.hypotheses[0].fit.R, pair.centers[1]
-        # what an error at the sensor moves the source's grid center by, along the axes
+        # shift of the source's grid center by the error at the sensor, along the axes [voxels]
         along = pair.seen.axes.T @ R.as_matrix() / voxel
         moved = along @ (RigidTransform.from_exp_coords(pair.xi).apply(center) - center)
         jacobian = along @ np.hstack([-cross_matrices(center[None])[0], np.eye(3)])
@@ -150,16 +150,16 @@ def fit_slide(pairs: Sequence[RecordedPair]) -> Slide:
         slides.append(slides_of(pair.seen)[:, 0])
         slid.append((np.abs(moved) > _SLID_SIGMAS * sigma) & (np.abs(moved) > _SLID_COARSE * coarse))
         far.append(moved / coarse)
-    ways = np.concatenate(far)[np.concatenate(slid)]
+    distances = np.concatenate(far)[np.concatenate(slid)]
     odds, weights = fit_logistic(np.concatenate(slides)[:, None], np.concatenate(slid))
-    return Slide(odds, float(weights[0]), float(np.sqrt(np.mean(ways**2))) if len(ways) else 0.0)
+    return Slide(odds, float(weights[0]), float(np.sqrt(np.mean(distances**2))) if len(distances) else 0.0)
 
 
-# Draws of each set: one of a kind is registered five times, one of a survey 35 times. Neither the evaluations nor the
-# tests use pairs of this seed. Of the still pairs a sixth has half of `edge` voxels per edge, another twice as many.
+# Draws of each set: one of a kind has five registrations, one of a survey about 35. Neither evaluations nor tests use
+# pairs of this seed. A sixth of the still pairs has half of `edge` voxels per edge, another twice as many.
 _COUNTS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240, DISTORTED: 300}
 _USUAL = {"counts": _COUNTS, "seed": 880_301, "edge": 128}
-# What measures, not what judges: a change of the latter is fitted and tested on what is recorded already.
+# Modules that affect the recorded evidence. Modules that evaluate it can change without new recordings.
 _MEASURING = ("registration", "grid", "scan", "expected", "prior", "so3", "geometry", "translation")
 SOURCES = (
     *("kernels", "spectral/prepare", "spectral/verify", *(f"spectral/{name}.py" for name in _MEASURING)),
@@ -167,19 +167,19 @@ SOURCES = (
     *(f"tools/lab/reproduce/{name}.py" for name in ("evidence", "kinds", "pairs", "registrations")),
 )
 _FOLDS = 5
-HELD_OUT = "other pairs"  # that probabilities are fitted to, in place of a pair itself
+HELD_OUT = "other pairs"  # values of the column "fitted_to": fitted to pairs of the other folds, or of the other sets
 SET_HELD_OUT = "other sets"
-# Pairs of which the table keeps what was measured: where that changes, the fit is out of date
+# Reference pairs, whose clues the table keeps: if they change, the fit is out of date
 _KIND = "patch"
 _NUMBERS = (1, 3, 4)
 _SEED = 880_302
 _EDGE = 64
-# Clues that the table itself has no part in
+# Clues that do not depend on the table itself
 _MEASURED = ("psr", "view", "surface", "sharpness", "firmness", "overlap", "slide_0", "slide_1", "slide_2", "turn_0")
 
 
 def create(request: Request) -> Experiment:
-    """A job is one draw of a set, as in swath-0003; `quick` is one draw of each set on half the voxels."""
+    """A job is one draw of a set, as swath-0003; `quick` runs one draw of each set on grids of half the edge."""
     draws = request.pairs or (1 if request.quick else None)
     counts = _COUNTS if draws is None else dict.fromkeys(_COUNTS, draws)
     settings = as_asked(request, _USUAL | {"counts": counts}, {"edge": 64})
@@ -197,17 +197,17 @@ def create(request: Request) -> Experiment:
 
 
 def _in_turns(counts: Mapping[str, int]) -> list[str]:
-    """The jobs of all sets, these in turns, so that a run that is stopped has some of each."""
+    """The jobs of all sets, interleaved, so that an interrupted run has some of each."""
     numbered = [(number / count, f"{name}-{number:04d}") for name, count in counts.items() for number in range(count)]
     return [job for _, job in sorted(numbered)]
 
 
 def fitted_and_tested(rows: Sequence[Row]) -> list[Row]:
-    """How the confidence does on recorded pairs that a fit has not seen; the first row holds the fit to all of them.
+    """Rows of the confidence on recorded pairs that a fit did not use; the first row also has the fit to all of them.
 
-    Left out are pairs that no confidence can be right or wrong about: distorted ones, and those that bounds refuse.
+    Distorted pairs and pairs that bounds refuse are left out, as no probability is right or wrong about them.
     """
-    recorded = [each for each in recorded_pairs(rows) if each.cells["set"] != DISTORTED and not each.cells["refused"]]
+    recorded = [pair for pair in recorded_pairs(rows) if pair.cells["set"] != DISTORTED and not pair.cells["refused"]]
     slide = fit_slide([pair for pair in recorded if pair.cells["related"]])
     pairs = judged(recorded, slide)
     folds = np.array([int(pair.cells["number"]) % _FOLDS for pair in recorded])
@@ -219,7 +219,7 @@ def fitted_and_tested(rows: Sequence[Row]) -> list[Row]:
 
 
 def _write(rows: Sequence[Row], device: Device) -> str:
-    """Write the table that the package reads."""
+    """Write the table that the package reads, and return a message."""
     fitted = json.loads(str(rows[0]["fitted"]))
     made = {
         "by": "sonarmap reproduce confidence --write",
@@ -231,7 +231,7 @@ def _write(rows: Sequence[Row], device: Device) -> str:
     lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(part)}" for name, part in table.items())
     with atomic_path(TABLE) as temporary:
         temporary.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
-    return f"the table is in {TABLE}; it holds from the next start on"
+    return f"the table is in {TABLE}; it applies from the next start"
 
 
 def _fit(pairs: JudgedPairs, some: np.ndarray | slice = slice(None), start: Odds | None = None) -> Odds:
@@ -239,7 +239,7 @@ def _fit(pairs: JudgedPairs, some: np.ndarray | slice = slice(None), start: Odds
 
 
 def _held_out(pairs: JudgedPairs, groups: np.ndarray) -> np.ndarray:
-    """(N,) probabilities, of each group by a fit to the others."""
+    """(N,) probabilities of the pairs of each group by a fit to all others."""
     probability, whole = np.zeros(len(groups)), _fit(pairs)
     for group in np.unique(groups):
         inside = groups == group
@@ -249,13 +249,13 @@ def _held_out(pairs: JudgedPairs, groups: np.ndarray) -> np.ndarray:
 
 
 def _fitted(odds: Odds, slide: Slide) -> dict[str, Any]:
-    """The parts of the table."""
+    """The fitted parts of the table, as JSON."""
     probability = {"twin": FITTED["probability"]["twin"]} | odds.to_json()
     return {"probability": probability, "slide": {name: round(value, 4) for name, value in asdict(slide).items()}}
 
 
 def _rows(pairs: JudgedPairs, probability: np.ndarray, fitted_to: str) -> list[Row]:
-    """How probabilities and covariances do, group by group."""
+    """Rows of the quality of probabilities and covariances, by group."""
     likely, right, near = probability >= SpectralConfig().least_probability, pairs.right, pairs.near
     accepted = likely & (pairs.fixed >= FITTED["acceptance"]["fixed"])
     tenth = np.minimum((10 * probability).astype(int), 9)
@@ -282,12 +282,12 @@ def _rows(pairs: JudgedPairs, probability: np.ndarray, fitted_to: str) -> list[R
 
 
 def reference(device: Device) -> dict[str, Any]:
-    """The clues of some pairs that are measured alone, by the pairs' numbers."""
-    found = {}
+    """The clues _MEASURED of the reference pairs, by the pairs' numbers."""
+    clues = {}
     for number in _NUMBERS:
         pair = kind_pair(_KIND, number, _SEED)
         registrar = SpectralRegistrar(device, choose_grid((pair.target, pair.source), _EDGE))
         registration = registrar.register(registrar.prepare(pair.target), registrar.prepare(pair.source))
         evidence = dict(registration.evidence)
-        found[str(number)] = {name: round(evidence[f"p_{name}"], 3) for name in _MEASURED}
-    return found
+        clues[str(number)] = {name: round(evidence[f"p_{name}"], 3) for name in _MEASURED}
+    return clues

@@ -1,4 +1,4 @@
-"""A spectral registration that keeps what it measured of all hypotheses, as rows, and these rows read back."""
+"""Recorded pairs: a spectral registration that records the evidence of all its hypotheses as rows, and their reader."""
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -34,31 +34,31 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.simulation import Simulation, observe, simulate
 
 STILL, UNRELATED, SURVEY, DISTORTED = "still", "unrelated", "survey", "distorted"
-# What is known beforehand, beside what instruments measure: where the pair is expected, rightly or wrongly
+# Values of the cell "known", beside the names of priors: the pose is expected, correctly or wrongly
 EXPECTED, ELSEWHERE = "expected", "expected elsewhere"
 _TURNS: tuple[Turn, ...] = ("view", "yaw", "any")
-# Standard deviations of expected poses, in turns [voxels; rad]
+# Standard deviations of expected poses, used in turn: shift [voxels] and rotation [rad]
 _WINDOWS = ((1.0, 0.05), (4.0, 0.1), (12.0, 0.3))
 _SCANS = 16  # of a survey
-_SENSORS = (None, "sonar3d15", "paper")  # of surveys, in turns; None: the scene's
-_NOISES = (1.0, 1.5, 2.0)  # of surveys, in turns, over the usual noise
-_FAR = (2, 4, 8)  # scans between pairs of a survey
-_RESTING = 4  # pairs of a sensor that hardly moves between its scans
-# Of one of two scans, in turns: the sign of y of a mirrored one, or the factor of a wrong speed of sound
+_SENSORS = (None, "sonar3d15", "paper")  # of surveys, used in turn; None: the scene's default
+_NOISES = (1.0, 1.5, 2.0)  # of surveys, used in turn, relative to the usual noise
+_FAR = (2, 4, 8)  # index differences of the non-consecutive pairs of a survey
+_RESTING = 4  # number of pairs of a sensor that hardly moves between its scans
+# Distortions of one of two scans, used in turn: -1 mirrors y, other factors scale as a wrong speed of sound does
 _FACTORS = (-1.0, 0.95, 1.05)
 
 
 @dataclass(frozen=True, slots=True)
 class EvidencePair(SetPair):
-    """One pair that is registered once; its cells are set, number, scene, relief, known, apart (scans between)."""
+    """A pair to register once; its cells are set, number, scene, relief, known, apart (difference of the indices)."""
 
-    expected: ExpectedPose | None = None  # where a vehicle's motion would expect it
-    any_tilt: bool = False  # whether roll and pitch have no bound
+    expected: ExpectedPose | None = None  # as predicted by a vehicle's motion; None: unknown
+    any_tilt: bool = False  # whether roll and pitch are unbounded
 
 
 def draw(name: str, number: int, seed: int, edge: int) -> Iterator[EvidencePair]:
-    """The pairs of draw `number` of a set, a kind of scan or one of the four above; none where a scene has no such
-    pair. The same numbers, the same pairs."""
+    """The pairs of draw `number` of a set: a kind of scan or one of STILL, UNRELATED, SURVEY and DISTORTED. None if a
+    scene has no such pair; the arguments determine the pairs."""
     rng = np.random.default_rng([seed, number, sorted((*SCAN_KINDS, STILL, UNRELATED, SURVEY, DISTORTED)).index(name)])
     draws = {STILL: _still, UNRELATED: _of_unrelated, SURVEY: _survey, DISTORTED: _distorted}.get(name)
     try:
@@ -70,7 +70,7 @@ def draw(name: str, number: int, seed: int, edge: int) -> Iterator[EvidencePair]
 
 
 def _kind(name: str, number: int, seed: int, edge: int, rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """A pair of a kind, with nothing known, with instruments, about where it is expected, and elsewhere."""
+    """A pair of a kind without priors, with priors of instruments, and expected near correct and wrong poses."""
     pair = kind_pair(name, number, seed)
     grid, truth = choose_grid((pair.target, pair.source), edge), pair.T_target_source
     for known in (NOTHING, LEVELED, NAVIGATION):
@@ -81,7 +81,7 @@ def _kind(name: str, number: int, seed: int, edge: int, rng: np.random.Generator
 
 
 def _about(pair: EvidencePair, number: int, rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """A pair about where it is expected, and about another place."""
+    """A pair expected near its true pose, if it has one, and expected near a wrong pose."""
     away = Rotation.from_euler("z", rng.uniform(0.8, 5.5)), pair.grid.voxel * rng.uniform(-40, 40, 3) * [1, 1, 0.2]
     right = RigidTransform.identity() if pair.truth is None else pair.truth
     wrong = RigidTransform.from_components(right.translation + away[1], away[0] * right.rotation)
@@ -93,7 +93,7 @@ def _about(pair: EvidencePair, number: int, rng: np.random.Generator) -> Iterato
 def _expected(
     pair: EvidencePair, known: str, about: RigidTransform, number: int, rng: np.random.Generator
 ) -> EvidencePair:
-    """A pair that is expected near a pose, as far off as its standard deviations say."""
+    """A pair with an expected pose, drawn around `about` with one of the standard deviations _WINDOWS."""
     shift, turn = _WINDOWS[number % len(_WINDOWS)]
     sigmas = np.repeat([turn, shift * pair.grid.voxel], 3)
     off = sigmas * rng.standard_normal(6)
@@ -102,7 +102,7 @@ def _expected(
 
 
 def _still(number: int, seed: int, edge: int, _rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """Two views of a sensor that stands still, of any turn."""
+    """Two views of a scene, each taken at rest, with each kind of relative rotation in turn."""
     turn, size = _TURNS[number % 3], {1: edge // 2, 4: 2 * edge}.get(number % 6, edge)
     pair = related(number, seed, turn, size)
     if pair is not None:
@@ -111,7 +111,7 @@ def _still(number: int, seed: int, edge: int, _rng: np.random.Generator) -> Iter
 
 
 def _of_unrelated(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """Two views of scenes that share nothing: freely, and about where they are said to be."""
+    """Two views of scenes that share nothing, without an expected pose and with a wrong one."""
     pair = unrelated(number, seed, {1: edge // 2, 4: 2 * edge}.get(number % 6, edge))
     if pair is not None:
         free = EvidencePair(_cells(str(pair.cells["scene"]), NOTHING), pair.target, pair.source, None, pair.grid)
@@ -120,7 +120,7 @@ def _of_unrelated(number: int, seed: int, edge: int, rng: np.random.Generator) -
 
 
 def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """Scans along a path: consecutive ones, farther ones, and one of these about where it is expected."""
+    """Pairs of scans along a path: consecutive, farther apart, with an expected pose, and of a sensor at rest."""
     scene = tuple(SCENE_KINDS)[number % len(SCENE_KINDS)]
     lap = number // len(SCENE_KINDS)
     path, noise = ("lawnmower", "survey")[lap % 2], _NOISES[number // 3 % 3]
@@ -130,7 +130,7 @@ def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iter
 
     try:
         simulated = seen_by(_SENSORS[number % 3])
-    except InputError:  # it reaches no surface
+    except InputError:  # the sensor reaches no surface
         simulated = seen_by(None)
     poses, grid = simulated.truth.T_world_sensor, choose_grid(simulated.scans, edge)
 
@@ -153,7 +153,7 @@ def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iter
 
 
 def _distorted(number: int, seed: int, edge: int, _rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """Two consecutive scans of a survey, one of them mirrored or scaled: no pose is right."""
+    """Two consecutive scans of a survey, the second one mirrored or scaled, so that no pose is right."""
     scene = tuple(SCENE_KINDS)[number % len(SCENE_KINDS)]
     simulated = simulate(replace(plan(scene, "lawnmower", None, seed + 500_000 + number), count=3))
     factor = _FACTORS[number // len(SCENE_KINDS) % len(_FACTORS)]
@@ -171,11 +171,11 @@ def _cells(scene: str, known: str) -> dict[str, Value]:
     return {"scene": scene, "relief": relief_of(scene), "known": known, "apart": 0}
 
 
-_NOWHERE = (180.0, 1e3)  # errors where no pose is right [degrees, voxels]
+_NOWHERE = (180.0, 1e3)  # errors of a pair without a true pose [degrees, voxels]
 
 
 class Recorder(SpectralRegistrar):
-    """Registers as its base does, and keeps of the last pair what it measured."""
+    """A spectral registrar that also records the evidence of the last pair."""
 
     _measured: tuple[HypothesisTest, Sequence[Hypothesis], Observability] | None = None
 
@@ -184,12 +184,12 @@ class Recorder(SpectralRegistrar):
         return super()._conclude(test, hypotheses, seen)
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> None:
-        """What is kept was measured on its own grid; another is none of it."""
+        """Skip the coarse-grid retry, so that all evidence is from the registrar's own grid."""
 
     def cells(self, truth: RigidTransform | None) -> list[dict[str, Value]]:
-        """A row of each hypothesis of the pair that was registered since the last call, the best first.
+        """A row per hypothesis of the pair that was registered since the last call, best first; none without a pair.
 
-        Of each its evidence and its error; of the best what else was measured, as `fit_of` and `seen_of` read it.
+        Each row has the evidence and the error; the first one also has what `fit_of` and `seen_of` read.
         """
         if self._measured is None:
             return []
@@ -211,7 +211,7 @@ class Recorder(SpectralRegistrar):
 
 
 def fit_of(numbers: dict[str, Any]) -> Fit:
-    """The best hypothesis' fit, from what the text of its row's `numbers` holds."""
+    """The fit of the best hypothesis, from the parsed text `numbers` of its row."""
     arrays: dict[str, Any] = {
         name: np.array(value) if isinstance(value, list) else value for name, value in numbers["fit"].items()
     }
@@ -221,14 +221,14 @@ def fit_of(numbers: dict[str, Any]) -> Fit:
 
 
 def seen_of(numbers: dict[str, Any]) -> Observability:
-    """What was seen along its directions, likewise."""
+    """The observability of the best hypothesis, from the same text."""
     return Observability(**{name: np.array(value) for name, value in numbers["seen"].items()})
 
 
 def _contents(value: Any) -> dict[str, Any]:
-    """The fields of a dataclass by name, and those of dataclasses in it."""
-    found = {field.name: getattr(value, field.name) for field in fields(value)}
-    return {name: _contents(part) if isinstance(part, PriorTerm) else part for name, part in found.items()}
+    """The fields of a dataclass by name; a PriorTerm in it becomes a dictionary, too."""
+    parts = {field.name: getattr(value, field.name) for field in fields(value)}
+    return {name: _contents(part) if isinstance(part, PriorTerm) else part for name, part in parts.items()}
 
 
 def _text(**values: Any) -> str:
@@ -247,7 +247,7 @@ def _error(T: RigidTransform, truth: RigidTransform | None, voxel: float) -> dic
 
 
 class Recording:
-    """Registers the pairs of a draw; a scan is prepared once for each grid."""
+    """Registers the pairs of a draw, and prepares each scan once per grid."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -255,7 +255,7 @@ class Recording:
         self._prepared: dict[object, SpectralScan] = {}
 
     def rows(self, pair: EvidencePair) -> list[Row]:
-        """One of each hypothesis; none where a scan shows too little, or nothing is possible."""
+        """A row per hypothesis; none if a scan has too few points, or no hypothesis is possible."""
         config = SpectralConfig(max_tilt=pi) if pair.any_tilt else SpectralConfig()
         key = pair.grid, config
         recorder = self._recorders[key] = self._recorders.get(key) or Recorder(self._device, pair.grid, config)
@@ -280,36 +280,36 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class RecordedPair:
-    """One pair."""
+    """A pair with the evidence of its registration, as read from rows."""
 
-    cells: Row  # what it is: set, number, scene, relief, known, apart, edge, voxel_m, related, search, refused
-    hypotheses: tuple[Hypothesis, ...]  # best first; the fit of the others is not known but for their pose
-    T: tuple[RigidTransform, ...]  # of each, from the best
-    off: np.ndarray  # (n, 2) how far off each is [degrees, voxels]
-    seen: Observability
-    xi: np.ndarray  # (6,) truth = T Exp(xi) of the best; NaN where none is true
-    centers: tuple[np.ndarray, np.ndarray]
+    cells: Row  # of the pair: set, number, scene, relief, known, apart, edge, voxel_m, related, search, refused
+    hypotheses: tuple[Hypothesis, ...]  # best first; all have the fit of the best one
+    T: tuple[RigidTransform, ...]  # pose of each hypothesis relative to the best one
+    off: np.ndarray  # (n, 2) errors of the hypotheses [degrees, voxels]
+    seen: Observability  # of the best hypothesis
+    xi: np.ndarray  # (6,) error of the best hypothesis, truth = T Exp(xi); NaN without a true pose
+    centers: tuple[np.ndarray, np.ndarray]  # (3,) of the grid, in the frames of target and source [m]
 
     @property
     def grid(self) -> Grid:
-        """That both scans share."""
+        """The grid that both scans share."""
         return Grid(int(self.cells["edge"]), float(self.cells["voxel_m"]))
 
 
 def recorded_pairs(rows: Iterable[Row]) -> list[RecordedPair]:
-    """The pairs that rows of `Recording` hold."""
+    """The pairs in rows of `Recording`."""
     by_pair: list[list[Row]] = []
     for row in rows:
         if row["rank"] == 0:
             by_pair.append([])
         by_pair[-1].append(row)
-    return [_pair(some) for some in by_pair]
+    return [_pair(pair_rows) for pair_rows in by_pair]
 
 
 def _pair(rows: Sequence[Row]) -> RecordedPair:
     numbers = [json.loads(str(row["numbers"])) for row in rows]
     fit = fit_of(numbers[0])
-    T = [RigidTransform.identity(), *(RigidTransform.from_exp_coords(each["away"]) for each in numbers[1:])]
+    T = [RigidTransform.identity(), *(RigidTransform.from_exp_coords(other["away"]) for other in numbers[1:])]
     target, source = numbers[0]["centers"]
     return RecordedPair(
         cells=rows[0],

@@ -1,13 +1,13 @@
-"""The experiments that `sonarmap reproduce` knows: what one is, what its options ask of it, how its jobs are run.
+"""The experiments of `sonarmap reproduce`: their types, options and jobs.
 
-To add one: write a module with a function
+To add an experiment, write a module with a function
 
     def create(request: Request) -> Experiment:
 
-that makes it from the options (None: the option was not given, so the experiment's own value holds; `as_asked` does
-that), add a row to EXPERIMENTS, and say in `tables.py` what is shown of its rows.
+that creates it from the options (None: the option was not given, and the experiment's default holds, as `as_asked`
+implements), add a row to EXPERIMENTS, and add its tables to `tables.py`.
 
-Only the standard library is imported here: a worker's process sets the threads of other libraries before it loads them.
+This module imports only the standard library, as a worker sets the threads of other libraries before it loads them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,41 +25,41 @@ if TYPE_CHECKING:
 
 Value = str | int | float | bool
 Row = Mapping[str, Value]
-Settings = SimpleNamespace  # values of JSON's types by name; with the sources they decide all rows
+Settings = SimpleNamespace  # values of JSON types by name; they and the sources determine all rows
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """The results of one job."""
 
-    rows: tuple[Row, ...]  # the same on every run, key by key: they become NAME.csv
-    seconds: tuple[Row, ...] = ()  # rows of times: they become NAME-seconds.csv, the file that may differ between runs
+    rows: tuple[Row, ...]  # the same on every run; written to NAME.csv
+    seconds: tuple[Row, ...] = ()  # run times, which differ between runs; written to NAME-seconds.csv
 
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """An experiment as it was asked for; what is shown of its rows is in `tables.py` and `figures.py`."""
+    """An experiment with its settings; `tables.py` and `figures.py` have its tables and its picture."""
 
-    name: str  # on the command line, and of its files
+    name: str  # on the command line and of the files
     settings: Settings
-    # Keys of all jobs, in their order. Those that differ in the last part alone, as 3/a and 3/b, share a process.
+    # Keys of all jobs, in order. Jobs that differ only in the last part of their keys, as 3/a and 3/b, share a process.
     jobs: Sequence[str]
-    run: Callable[[str], Outcome]  # does one job, whichever were done before
-    sources: tuple[str, ...]  # folders and files whose code decides rows, its own module among them
-    # Methods that the last part of each job's key names: when the code of one changes, the others' jobs stay done
+    run: Callable[[str], Outcome]  # runs a job, independently of other jobs
+    sources: tuple[str, ...]  # folders and files whose code affects the rows, including its own module
+    # Methods named by the last part of the jobs' keys: a change in the code of one keeps the results of the others
     methods: tuple[str, ...] = ()
-    deciding: tuple[str, ...] = ("edge", "seed")  # settings that decide a method's rows, with the key, code and device
-    conclude: Callable[[Sequence[Row]], Sequence[Row]] | None = None  # makes of all rows those that tables show
-    write: Callable[[Sequence[Row]], str] | None = None  # stores what was fitted to the rows, and says where
+    deciding: tuple[str, ...] = ("edge", "seed")  # settings that affect a method's rows, beside key, code and device
+    conclude: Callable[[Sequence[Row]], Sequence[Row]] | None = None  # computes the rows of the tables from all rows
+    write: Callable[[Sequence[Row]], str] | None = None  # stores what was fitted to the rows, and returns a message
 
 
 def all_seeds(settings: Settings) -> range:
-    """The seeds of the settings, from the first."""
+    """The `seeds` consecutive seeds of the settings from `first_seed` on."""
     return range(settings.first_seed, settings.first_seed + settings.seeds)
 
 
 ALL = "all"  # the paper's experiments
-# Sets of pairs -> the options that change them, beside those of every pair
+# Set of pairs -> options that apply to it, beside those of all sets
 PAIR_SETS = MappingProxyType(
     {"overlap": ("pairs",), "paths": ("scene", "sigma2", "seeds"), "unrelated": ("pairs",)},
 )
@@ -67,35 +67,34 @@ PAIR_SETS = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the command line asks for."""
+    """The options of the command line; None if not given."""
 
-    device: "Device | None" = None  # to run on; None where only the options are looked at
-    quick: bool = False  # a minute at most, with less of everything that no option sets
-    # seeds, seed: how many, and the first of them
-    seeds: int | None = None
-    seed: int | None = None
+    device: "Device | None" = None  # to run on; None if only the options are checked
+    quick: bool = False  # reduce everything that no option sets, to a minute at most
+    seeds: int | None = None  # number of seeds
+    seed: int | None = None  # the first seed
     grid: int | None = None  # voxels per edge
     scene: str | None = None  # a key of SCENE_KINDS
     sigma2: tuple[float, ...] | None = None  # variances of the range noise at the largest range [m^2]
     set: tuple[str, ...] | None = None  # keys of PAIR_SETS
-    pairs: int | None = None  # how many
+    pairs: int | None = None  # number of pairs
     method: tuple[str, ...] | None = None  # keys of METHODS
-    folder: Path | None = None  # of scans, for an experiment that takes one
+    folder: Path | None = None  # of input, for an experiment that takes one
     voxel: float | None = None  # size of a voxel [m]
     max_tilt: float | None = None  # largest roll and pitch between two scans [degrees]
-    known: str | None = None  # instruments, separated by commas, whose measurements are drawn about the truth
-    write: bool | None = None  # whether to store what was fitted where the package reads it
+    known: str | None = None  # instruments with simulated measurements, separated by commas
+    write: bool | None = None  # whether to store what was fitted in the package
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])  # values of settings that no option sets
 
     @property
     def opened(self) -> "Device":
-        """The device, which is there once an experiment is made."""
+        """The device, which is set when an experiment is created."""
         assert self.device is not None
         return self.device
 
     @property
     def chosen_folder(self) -> Path:
-        """The folder, which `chosen` asks for."""
+        """The folder, which `chosen` has checked."""
         assert self.folder is not None
         return self.folder
 
@@ -108,7 +107,7 @@ class Request:
         }
 
     def command(self, name: str) -> str:
-        """The command line that asks for the same of one experiment; where the folder lies is left out."""
+        """The command line that runs one experiment with these options, with DIR for the folder."""
         options = []
         for option, values in self.given.items():
             shown = [f" {value:g}" if option == "sigma2" else "" if value is True else f" {value}" for value in values]
@@ -117,7 +116,7 @@ class Request:
         return " ".join(["sonarmap reproduce", name, *folder, *(["--quick"] if self.quick else []), *options])
 
 
-# The options that not every experiment has, in the order in which a command line shows them
+# Options that only some experiments take, in the order of `Request.command`
 OPTIONS = (
     "scene", "grid", "voxel", "max_tilt", "known", "sigma2", "seeds", "set", "pairs", "seed", "method",
     "write",
@@ -126,13 +125,13 @@ OPTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class ExperimentEntry:
-    """One experiment of the table."""
+    """A row of EXPERIMENTS."""
 
-    shows: str  # which of the paper's figures and tables, or what is measured
-    module: str  # has `create`, or another function behind a colon; it is imported when the experiment is asked for
-    options: tuple[str, ...]  # those of OPTIONS that change its rows
-    timed: bool = False  # whether it measures times, so that its jobs are run one by one
-    folder: str = ""  # what the folder that it takes holds
+    shows: str  # the paper's figures and tables, or what is measured
+    module: str  # "module" with `create`, or "module:function"; imported when the experiment is chosen
+    options: tuple[str, ...]  # those of OPTIONS that it takes
+    timed: bool = False  # whether it measures times, so that its jobs run one at a time
+    folder: str = ""  # content of the folder that it takes; "" for none
 
 
 _HERE = "sonarmap.tools.lab.reproduce"
@@ -179,9 +178,9 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
 
 
 def chosen(name: str, request: Request) -> tuple[str, ...]:
-    """The experiments that a name means: itself, or all of the paper's.
+    """The experiments that a name selects: the one of that name, or all of the paper's.
 
-    Raises InputError: there is no such experiment, an option or a folder has no effect on it, or it needs a folder.
+    Raises InputError: the experiment is unknown, an option or a folder has no effect on it, or it needs a folder.
     """
     if name not in (*EXPERIMENTS, ALL):
         raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, ALL))}")
@@ -202,7 +201,7 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
     return names
 
 
-# An option -> the settings that it changes, of those that an experiment has
+# Option -> the settings that it changes, if the experiment has them
 _CHANGED_BY = {
     "scene": ("scene", "scenes"),
     "grid": ("edge", "edges"),
@@ -216,7 +215,7 @@ _CHANGED_BY = {
 
 
 def as_asked(request: Request, usual: Mapping[str, Any], quick: Mapping[str, Any]) -> Settings:
-    """The usual settings, changed by the options, and by `quick` of a quick run where no option does."""
+    """The `usual` settings, changed by those of `quick` in a quick run, and then by the options."""
     values = {**usual, **(quick if request.quick else {})}
     for option, names in _CHANGED_BY.items():
         value = getattr(request, option)
@@ -232,7 +231,7 @@ def create(name: str, request: Request) -> Experiment:
 
 
 def create_from(place: str, request: Request) -> Experiment:
-    """The experiment that a module's `create` makes, or another function of it, as in "module:create_rotation"."""
+    """The experiment that "module" creates by `create`, or "module:function" by that function."""
     module, _, function = place.partition(":")
     return getattr(import_module(module), function or "create")(request)
 
@@ -251,30 +250,30 @@ def _flag(option: str) -> str:
     return f"--{option.replace('_', '-')}"
 
 
-_experiment: Experiment | None = None  # of this process, where it is a worker
+_experiment: Experiment | None = None  # of this process, if it is a worker
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerProcesses:
-    """New processes that each make the same experiment, with a device of its own."""
+    """The specification of worker processes, which each create the experiment with their own device."""
 
-    count: int  # how many, at least 1
-    module: str  # has the experiment's `create`, as `create_from` takes it
-    request: Request  # what to make, without a device
-    device: str | None  # as `choose_device` takes it
+    count: int  # at least 1
+    module: str  # of the experiment, for `create_from`
+    request: Request  # the options, without a device
+    device: str | None  # selector for `choose_device`
 
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """A job that was run."""
+    """The result of a job."""
 
     job: str  # its key
     outcome: Outcome
-    seconds: float  # wall time
+    seconds: float  # wall time [s]
 
 
 def begin(processes: WorkerProcesses) -> None:
-    """Make the experiment in a new process."""
+    """Create the experiment of this worker process."""
     global _experiment
     from sonarmap.kernels.device.device import choose_device
 
@@ -282,13 +281,13 @@ def begin(processes: WorkerProcesses) -> None:
 
 
 def run_in_worker(groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
-    """Run groups of jobs by the experiment of this process, which `begin` made."""
+    """Run groups of jobs of the experiment that `begin` created in this process."""
     assert _experiment is not None, "`begin` was not called in this process"
     return run_jobs(_experiment, groups)
 
 
 def run_jobs(experiment: Experiment, groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
-    """Run the jobs of each group, one after the other."""
+    """Run groups of jobs one after the other; the results are grouped in the same way."""
     return [[_run(experiment, job) for job in group] for group in groups]
 
 

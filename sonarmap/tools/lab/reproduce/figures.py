@@ -1,4 +1,4 @@
-"""The pictures of experiments, one of each that has any."""
+"""The pictures of the experiments, at most one each."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,38 +19,38 @@ from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 _TENTHS = (-1e-9, *(k / 10 for k in range(1, 11)))
 _WRONG = "0.88"  # the gray behind wrong registrations
 _PANELS = (("rotation", ("yaw", "roll", "pitch"), "deg"), ("translation", ("x", "y", "z"), "m"))
-_LEAST_SPAN = 10.0  # of vertical axes [degrees, m], so that what is right looks flat
+_LEAST_SPAN = 10.0  # smallest range of vertical axes [degrees, m], so that small errors look small
 _OUTCOMES = (
     ("right, accepted", "#2a7f3f", "right and accepted"),
     ("right, not accepted", "#a9d6b0", "right and not accepted"),
     ("wrong, not accepted", "#dddddd", "not right and not accepted"),
     ("wrong, accepted", "#c0392b", "not right and accepted"),
 )
-_PLAN_HEIGHT = -4.0  # of the section through the flood gate: the water's surface is at 0 [m]
+_PLAN_HEIGHT = -4.0  # height of the section through the flood gate, relative to the water surface [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A picture: its caption, and what writes it as PNG from the rows and settings of an experiment."""
+    """A picture: its caption, and a function that writes it as PNG from an experiment's rows and settings."""
 
     caption: str
     draw: Callable[[Path, Frame, Settings], None]
-    rows: str = ""  # the condition of the rows that it shows; where there are none, there is no picture
+    rows: str = ""  # condition of the rows that it shows; without such rows there is no picture
 
 
 def panels(lines: int, columns: int, width: float, height: float, **shared: Any) -> tuple[Any, np.ndarray]:
-    """An empty figure, with room for all that is drawn, and its axes (lines, columns), each of a size [inches]."""
+    """An empty figure and its axes (lines, columns), each of `width` by `height` [inches]."""
     from matplotlib.figure import Figure as Plot
 
     plot = Plot(figsize=(width * columns, height * lines), dpi=90, layout="constrained")
     axes = plot.subplots(lines, columns, squeeze=False, **shared)
-    for each in axes.ravel():
-        each.grid(alpha=0.3)
+    for axis in axes.ravel():
+        axis.grid(alpha=0.3)
     return plot, axes
 
 
 def save(plot: Any, path: Path, legend: Any = None) -> None:
-    """Write a figure; the legend of some axes stands below it, in one line."""
+    """Write a figure as PNG, with the legend of the axes `legend` below it."""
     if legend is not None:
         lines, names = legend.get_legend_handles_labels()
         plot.legend(lines, names, loc="outside lower center", ncols=min(len(names), 8), frameon=False, fontsize=8)
@@ -58,7 +58,7 @@ def save(plot: Any, path: Path, legend: Any = None) -> None:
 
 
 def draw_rates(axes: Any, groups: Sequence[tuple[float, Frame]], **style: Any) -> None:
-    """A curve of the shares right at places along the horizontal axis, with their 95 % intervals."""
+    """Draw the share right of each group at its horizontal position, with 95 % intervals."""
     places, share = [place for place, _ in groups], np.array([some["right"].mean() for _, some in groups], float)
     bounds = np.array([wilson(int(some["right"].sum()), len(some)) for _, some in groups]).T
     axes.errorbar(places, share, yerr=np.abs(bounds - share), markersize=4, elinewidth=0.6, **style)
@@ -66,17 +66,17 @@ def draw_rates(axes: Any, groups: Sequence[tuple[float, Frame]], **style: Any) -
 
 
 def draw_translation(path: Path, frame: Frame, settings: Settings) -> None:
-    """The first seed of the first scene under the most noise, as Fig. 15."""
+    """Draw the first seed of the first scene with the strongest noises, as Fig. 15."""
     _draw_series(path, frame, settings, ("D2", "D4", "D6"), "distance_m", "true distance [m]")
 
 
 def draw_rotation(path: Path, frame: Frame, settings: Settings) -> None:
-    """The first seed of the first scene, as Figs. 16 and 17."""
+    """Draw the first seed of the first scene, as Figs. 16 and 17."""
     _draw_series(path, frame, settings, settings.noises, "true_yaw_deg", "true yaw [degrees]")
 
 
 def _draw_series(path: Path, frame: Frame, settings: Settings, noises: Sequence[str], over: str, label: str) -> None:
-    """Rotation at the left, translation at the right, a line of axes for each noise: lines true, crosses estimated."""
+    """Draw a line of axes per noise, rotation left, translation right: true values as lines, estimates as crosses."""
     noises = [noise for noise in noises if noise in settings.noises] or settings.noises[:1]
     first = frame[(frame["scene"] == settings.scenes[0]) & (frame["seed"] == settings.first_seed)]
     plot, axes = panels(len(noises), 2, 5.0, 2.8, sharex=True)
@@ -100,20 +100,20 @@ def _draw_series(path: Path, frame: Frame, settings: Settings, noises: Sequence[
 
 
 def draw_limits(path: Path, frame: Frame, _settings: Settings) -> None:
-    """A column per angle, a dot per registration, its color what was tilted, as Fig. 9."""
+    """Draw axes per angle and a dot per registration, colored by the tilted angles, as Fig. 9."""
     plot, axes = panels(1, 3, 4.0, 3.6)
     titles = {"yaw": "yaw, from its highest peak", "roll": "roll, yaw given", "pitch": "pitch, yaw given"}
     for axis, (name, title) in zip(axes[0], titles.items(), strict=True):
         for k, kind in enumerate(("none", "roll", "pitch", "both")):
             some = frame[frame["tilted"] == kind]
-            beside = some["tilt_deg"] + 0.6 * (k - 1)  # so that dots of one tilt do not hide each other
+            beside = some["tilt_deg"] + 0.6 * (k - 1)  # so that dots of the same tilt do not hide each other
             axis.plot(beside, some[f"{name}_off_deg"], ".", markersize=5, alpha=0.7, label=f"{kind} tilted")
         axis.set(title=title, xlabel="tilt [degrees]", ylabel="estimated - true [degrees]")
     save(plot, path, axes[0, 0])
 
 
 def draw_gaussian(path: Path, frame: Frame, settings: Settings) -> None:
-    """Rates over the scans: axes per noise, a color and mark per grid, a little beside each other."""
+    """Draw the share right by scan, with axes per noise, and a color and marker per grid."""
     plot, axes = panels(1, len(settings.sigma2), 5.6, 3.8, sharey=True)
     for axis, sigma2 in zip(axes[0], settings.sigma2, strict=True):
         lines = list(frame[frame["sigma2"] == sigma2].groupby("grid", sort=False))
@@ -126,7 +126,7 @@ def draw_gaussian(path: Path, frame: Frame, settings: Settings) -> None:
 
 
 def draw_floodgate(path: Path, frame: Frame, settings: Settings) -> None:
-    """The maps of the first survey by the paper's methods and ours, each on its finest grid, from above."""
+    """Draw the maps of the first survey from above, by the paper's methods and ours, each on its finest grid."""
     now = survey(settings.first_seed, settings.scans)
     first = frame[frame["seed"] == settings.first_seed]
     pairs = where(first, f"row == '{PAIR}'")
@@ -154,7 +154,7 @@ def draw_floodgate(path: Path, frame: Frame, settings: Settings) -> None:
 
 
 def _draw_map(axes: Any, points: np.ndarray, lines: np.ndarray, heights: Sequence[float]) -> Any:
-    """Points from above, the highest on top, colored by height, over the outlines of what is solid."""
+    """Draw points from above, colored by height, the highest on top, over the outlines of the solids."""
     from matplotlib.collections import LineCollection
 
     x, y, z = points[np.argsort(points[:, 2], kind="stable")].T
@@ -166,20 +166,20 @@ def _draw_map(axes: Any, points: np.ndarray, lines: np.ndarray, heights: Sequenc
 
 
 def outlines(mesh: Mesh, height: float) -> np.ndarray:
-    """(S, 2, 2) [m]: where triangles that reach from below a height to it or above are cut."""
+    """(S, 2, 2) horizontal segments in which triangles intersect the plane at a height [m]."""
     corners = mesh.vertices[mesh.triangles]
     above = corners[:, :, 2] >= height
     cut = corners[above.any(axis=1) & ~above.all(axis=1)]
     start, end = cut, np.roll(cut, -1, axis=1)
     rise = end[:, :, 2] - start[:, :, 2]
-    crossed = (start[:, :, 2] >= height) != (end[:, :, 2] >= height)  # two of three sides, always
+    crossed = (start[:, :, 2] >= height) != (end[:, :, 2] >= height)  # always two of three sides
     share = (height - start[:, :, 2]) / np.where(crossed, rise, 1.0)
     places = start[:, :, :2] + share[:, :, None] * (end - start)[:, :, :2]
     return places[crossed].reshape(-1, 2, 2)
 
 
 def draw_pairs(path: Path, frame: Frame, settings: Settings) -> None:
-    """Rates by overlap, by every method; a panel for any yaw and one for any rotation."""
+    """Draw the share right by overlap and method, with axes for any yaw and for any rotation."""
     plot, axes = panels(1, 2, 5.0, 4.0, sharey=True)
     for axis, turn in zip(axes[0], ("yaw", "any"), strict=True):
         of_turn = frame[frame["turn"] == turn]
@@ -194,7 +194,7 @@ def draw_pairs(path: Path, frame: Frame, settings: Settings) -> None:
 
 
 def draw_kinds(path: Path, frame: Frame, settings: Settings) -> None:
-    """How often ours is right against the probability that it reports: a panel for every kind, in ten bins."""
+    """Draw the share right of our method against its reported probability, in ten bins, with axes per kind."""
     columns = min(4, len(settings.kinds))
     plot, axes = panels(-(-len(settings.kinds) // columns), columns, 2.7, 2.8, sharex=True, sharey=True)
     for axis, (kind, mine) in zip(axes.ravel(), worst_first(frame).groupby("kind", sort=False), strict=False):
@@ -208,7 +208,7 @@ def draw_kinds(path: Path, frame: Frame, settings: Settings) -> None:
 
 
 def draw_real(path: Path, frame: Frame, settings: Settings) -> None:
-    """Shares right and wrong, accepted or not: a panel for every set, a bar for every method."""
+    """Draw shares of right and wrong, accepted and refused registrations, with axes per set and a bar per method."""
     bars = list(dict.fromkeys(zip(frame["method"], frame["known"], strict=True)))
     plot, axes = panels(1, len(settings.sets), 2.8, 0.32 * len(bars) + 1.8, sharey=True)
     for axis, name in zip(axes[0], settings.sets, strict=True):

@@ -1,4 +1,4 @@
-"""The flood gate (paper Sect. 4, Table 2, Figs. 22 to 31): maps of eighteen scans, made by chaining registrations."""
+"""The flood gate (paper Sect. 4, Table 2, Figs. 22 to 31): maps of eighteen scans by chained registrations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,8 +22,8 @@ from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
 from sonarmap.tools.lab.simulate.trajectories import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
-VOXEL = 2.0  # of methods without a grid of their own [m]
-# Methods, in the order of tables and figures -> whether they run once on each of the paper's grids
+VOXEL = 2.0  # of methods that do not run on the paper's grids [m]
+# Method, in the order of tables and figures -> whether it runs on each of the paper's grids
 COMPARED: Mapping[str, bool] = MappingProxyType(
     {
         **{"icp": False, "icp-plane": False, "fpfh-ransac": False, "kiss": False},
@@ -32,15 +32,15 @@ COMPARED: Mapping[str, bool] = MappingProxyType(
 )
 PAPER_METHODS = ("icp", "hemisphere", "spectral")  # two of the paper's three, and ours
 TRUTH = "true poses"
-# Three surveys, each with a bed, a sea and a noise of its own; their scans from the start
+# A survey per seed, each with its own bed, sea and noise; scans: number of scans from the start
 _USUAL = {"methods": tuple(COMPARED), "edges": (128, 256), "seeds": 3, "first_seed": 1, "scans": PAPER_COUNT}
 SOURCES = (
     *("tools/lab/simulate", "tools/lab/evaluate", *ALL_METHODS),
     *(f"tools/lab/reproduce/{name}.py" for name in ("registrations", "floodgate")),
 )
 SCENE = "floodgate"
-RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels
-PAIR = "pair"  # of the column "row"
+RIGHT_M = 6.0  # bound of right translations for all methods: three voxels of the paper's coarser grid [m]
+PAIR = "pair"  # value of the column "row", as is POSE
 POSE = "pose"
 MAP_MEDIAN = "map_median_m"
 MAP_90 = "map_90_m"
@@ -48,10 +48,10 @@ DISPLACED_90 = "displaced_90_m"
 
 
 def create(request: Request) -> Experiment:
-    """Every method registers every scan to the one before it; a map is what chaining these makes.
+    """Every method registers every scan to the previous one; chaining the registrations gives a map.
 
-    A job is a survey by one method on one grid, as in 1/icp/0. `quick` is one survey by the paper's methods, on one
-    grid.
+    A job is a survey by one method on one grid, as 1/icp/0. `quick` maps one survey by the paper's methods and ours on
+    one grid.
     """
     compared = {"methods": PAPER_METHODS} if request.quick else {}
     settings = as_asked(request, _USUAL, {**compared, "edges": (128,), "seeds": 1})
@@ -70,11 +70,11 @@ def create(request: Request) -> Experiment:
         pairs, seconds, steps = [], [], None
         if method != TRUTH:
             grid = paper_grid(edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
-            found, seconds = _chain(build(method, grid, request.opened.selector, seed), now.scans)
-            steps = [registration.T_target_source for registration in found]
+            registrations, seconds = _chain(build(method, grid, request.opened.selector, seed), now.scans)
+            steps = [registration.T_target_source for registration in registrations]
             pairs = [
-                {"row": PAIR} | which | pair_row(now, k, each.T_target_source, bool(each.accepted))
-                for k, each in enumerate(found, 1)
+                {"row": PAIR} | which | pair_row(now, k, step.T_target_source, bool(step.accepted))
+                for k, step in enumerate(registrations, 1)
             ]
         poses = [{"row": POSE} | which | row for row in pose_rows(now, steps)]
         return Outcome((*pairs, *poses), tuple(which | row for row in seconds))
@@ -83,43 +83,42 @@ def create(request: Request) -> Experiment:
 
 
 def _chain(registrar: Registrar, scans: Sequence[Scan]) -> tuple[list[Registration], list[dict[str, Value]]]:
-    """Every scan registered to the one before it, and the times of preparing it and of registering it [s]."""
+    """The registrations of every scan to the previous one, and the times of preparing and registering it [s]."""
     target = registrar.prepare(scans[0])
-    registrar.register(target, target)  # untimed: kernels are compiled and packages imported
+    registrar.register(target, target)  # untimed: compiles kernels and imports packages
     finish_device(registrar)
-    found: list[Registration] = []
+    registrations: list[Registration] = []
     seconds: list[dict[str, Value]] = []
     for k, scan in enumerate(scans[1:], 1):
         start = perf_counter()
         source = registrar.prepare(scan)
         finish_device(registrar)
         middle = perf_counter()
-        found.append(registrar.register(target, source))
+        registrations.append(registrar.register(target, source))
         seconds.append({"scan": k, "prepare_s": middle - start, "register_s": perf_counter() - middle})
         target = source
-    return found, seconds
+    return registrations, seconds
 
 
 @dataclass(frozen=True, slots=True)
 class FloodgateSurvey:
-    """N scans of one scene, in the order in which they were taken."""
+    """N scans of one scene in their order, with the ground truth."""
 
     scans: tuple[Scan, ...]  # in their sensor frames
-    T_world_sensor: RigidTransform  # their true poses; the world is the scene's frame, East-North-Up
+    T_world_sensor: RigidTransform  # N true poses; the world is the scene's frame, East-North-Up
     mesh: Mesh  # the scene's true surface [m, world]
-    overlap: tuple[
-        float, ...
-    ]  # N - 1 shares of points with a counterpart in the scan before, or the reverse: the least
-    shared: tuple[float, ...]  # likewise of what lies in the other's view, without noise
+    # N - 1 shares of points with a counterpart in the other of two consecutive scans, the smaller of both
+    overlap: tuple[float, ...]
+    shared: tuple[float, ...]  # the same of points in the view of the other scan, without noise
 
     def step(self, source: int) -> RigidTransform:
-        """The true T_target_source of the pair source - 1 (target), source (source)."""
+        """The true T_target_source of the scan `source` relative to the previous one."""
         return self.T_world_sensor[source - 1].inv() * self.T_world_sensor[source]
 
 
 @lru_cache(maxsize=1)
 def survey(seed: int, count: int = PAPER_COUNT) -> FloodgateSurvey:
-    """The survey from `seed`: the same seed, the same scans. Views are compared with the beams of the path's layout."""
+    """The survey of a seed. `shared` is computed with the number of beams of the path's layout."""
     simulation = simulate(SimulationSettings(scene=SCENE, trajectory="paper18", count=count, seed=seed))
     scans, T, scene = simulation.scans, simulation.truth.T_world_sensor, build_scene(SCENE, seed)
     sensor = replace(simulation.settings.sensor, columns=COLUMNS, rows=ROWS)
@@ -135,7 +134,7 @@ def survey(seed: int, count: int = PAPER_COUNT) -> FloodgateSurvey:
 
 
 def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> RigidTransform:
-    """Pose k is pose k - 1 times the step T_{k-1}_k, whether it was accepted or not; pose 0 is `first`."""
+    """Chained poses: pose 0 is `first`, and pose k is pose k - 1 times the step T_{k-1}_k."""
     poses = [first]
     for step in steps:
         poses.append(poses[-1] * step)
@@ -143,7 +142,7 @@ def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> Rigid
 
 
 def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, accepted: bool) -> dict[str, Value]:
-    """The row of one registration of the scan `source` to the one before it, with the truth."""
+    """The row of the registration of the scan `source` to the previous one, with the truth."""
     truth = survey.step(source)
     error = pair_error(estimated, truth)
     return {
@@ -160,10 +159,10 @@ def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, ac
 
 
 def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -> list[dict[str, Value]]:
-    """The rows of N poses that N - 1 steps chain from the first true one, or of the true poses (None).
+    """The rows of N poses, chained by N - 1 steps from the first true pose, or of the true poses if `steps` is None.
 
-    A row has the pose's error, and of all points up to its scan median and 90th percentile of their distances from the
-    true surface [m] and the 90th percentile of their distances from their own true places.
+    A row has the pose's error and, for all points up to its scan, the median and 90th percentile of the distances from
+    the true surface [m] and the 90th percentile of the distances from their true positions [m].
     """
     true = survey.T_world_sensor
     poses = true if steps is None else chain_poses(true[0], steps)
@@ -188,17 +187,17 @@ def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -
 
 
 def placed(survey: FloodgateSurvey, T_world_sensor: RigidTransform) -> np.ndarray:
-    """The points of all scans at these poses, (P, 3) [m, world]."""
+    """(P, 3): the points of all scans at these poses [m, world]."""
     scans = zip(T_world_sensor, survey.scans, strict=True)
     return np.concatenate([T.apply(scan.points.astype(np.float64)) for T, scan in scans])
 
 
 def transform(row: Row, which: str) -> RigidTransform:
-    """The T_target_source that a pair's row holds as "found" or as "true"."""
+    """The "found" or "true" T_target_source in the row of a pair."""
     x, y, z, yaw, roll, pitch = (float(row[f"{which}_{name}"]) for name in PARAMETERS)
     return RigidTransform.from_components([x, y, z], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
 
 
 def chained(pairs: Sequence[Row], which: str) -> RigidTransform:
-    """N poses, T_first_sensor, that the N - 1 pairs of one survey chain, as "found" or as "true"."""
+    """N poses T_first_sensor, chained from the "found" or "true" transforms of the N - 1 pairs of a survey."""
     return chain_poses(RigidTransform.identity(), [transform(row, which) for row in pairs])

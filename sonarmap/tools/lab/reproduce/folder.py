@@ -1,4 +1,4 @@
-"""The files that an experiment leaves: its rows, its page with tables and a picture, its times, and a record of all."""
+"""Writes the files of an experiment: rows, a page with tables and a picture, run times, and a record."""
 
 import json
 import math
@@ -18,25 +18,25 @@ from sonarmap.tools.lab.reproduce.tables import SHOWN
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What NAME.json holds."""
+    """The content of NAME.json."""
 
-    name: str  # the experiment's
-    command: str  # the command line that makes the same rows again
+    name: str  # of the experiment
+    command: str  # command line that produces the same rows
     title: str
-    tables: tuple[Rendered, ...]  # the settings, then what was measured
+    tables: tuple[Rendered, ...]  # the settings, then the results
     times: tuple[Rendered, ...]  # tables of run times
-    seconds: float  # of all jobs together [s]
-    jobs: int  # how many
-    provenance: Provenance  # where the rows come from
-    files: tuple[str, ...]  # all that were written, NAME.json among them
+    seconds: float  # total time of all jobs [s]
+    jobs: int  # number of jobs
+    provenance: Provenance  # of the rows
+    files: tuple[str, ...]  # names of all written files, including NAME.json
 
 
 def write_experiment(
     folder: Path, experiment: Experiment, result: Result, shown: Sequence[Row], provenance: Provenance, command: str
 ) -> Record:
-    """Write NAME.csv, NAME.png and NAME.md, the same bytes on every run; NAME-seconds.csv, NAME-times.md and NAME.json.
+    """Write NAME.csv, NAME.png and NAME.md, the same on every run, and NAME-seconds.csv, NAME-times.md and NAME.json.
 
-    All of them or none. `shown` are the rows of the tables. Raises InputError: a file cannot be written.
+    `shown` are the rows of the tables. Raises InputError: a file cannot be written; then no file is written.
     """
     name, rows, seconds = experiment.name, result.rows, result.times
     figure = FIGURES.get(name)
@@ -72,15 +72,15 @@ def write_experiment(
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Write rows as CSV, a column for every key in the order in which they first appear: floats with four decimals,
-    truth values as 1 and 0, nothing for NaN."""
+    """Write rows as CSV, with a column for every key in order of first appearance, floats with four decimals, Booleans
+    as 1 and 0, and empty cells for NaN."""
     rows = list(rows)
     headings = list(dict.fromkeys(key for row in rows for key in row))
     write_table(path, headings, ([_cell(row.get(key, "")) for key in headings] for row in rows))
 
 
 def duration(seconds: float) -> str:
-    """As in "41 s", "12 min" or "3 h 05 min"."""
+    """A duration as text, such as "41 s", "12 min" or "3 h 05 min"."""
     minutes = round(seconds / 60)
     if seconds < 100:
         return f"{seconds:.0f} s"
@@ -107,7 +107,7 @@ def _page(record: Record, picture: str) -> str:
 
 
 def _times(record: Record) -> str:
-    """Markdown of the times, and of the machine that took them."""
+    """Markdown of the run times and the machine."""
     tables = "".join(f"{table.markdown()}\n" for table in record.times)
     versions = record.provenance.versions.items()
     installed = ", ".join(f"{name} {version}" for name, version in versions if version and name != "system")

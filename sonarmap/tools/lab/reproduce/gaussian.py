@@ -1,4 +1,4 @@
-"""Table 1 of the paper (Sect. 3, Figs. 20, 21): scans ever farther apart, with Gaussian noise along the beams."""
+"""Table 1 of the paper (Sect. 3, Figs. 20, 21): scans at growing distances, with Gaussian noise along the beams."""
 
 from functools import lru_cache
 from itertools import product
@@ -15,8 +15,7 @@ from sonarmap.tools.lab.reproduce.registrations import less_turns, paper_grid, p
 from sonarmap.tools.lab.simulate.plan import table1_pair
 from sonarmap.tools.lab.simulate.trajectories import TABLE1_COUNT, TABLE1_RIG
 
-# Blurs and bounds were chosen on scenes and noises of smaller seeds; grids of `edges` voxels are as large as
-# the paper's
+# The method was tuned on smaller seeds; grids of `edges` voxels per edge have the extent of the paper's
 _USUAL = {"scene": "floodgate", "sigma2": (1.0, 2.0), "seeds": 10, "first_seed": 11, "edges": (128, 256)}
 SOURCES = (
     *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
@@ -25,7 +24,7 @@ SOURCES = (
 
 
 def create(request: Request) -> Experiment:
-    """S0 to S9 on every grid, under every noise and seed; a job is one series, as in 128/1.0/11."""
+    """S0 to S9 on every grid, with every noise and seed; a job is one series, as 128/1.0/11."""
     settings = as_asked(request, _USUAL, {"sigma2": (1.0,), "seeds": 1, "edges": (128,)})
     planned = lru_cache(maxsize=1)(lambda edge: HemisphereRegistrar(request.opened, paper_grid(edge)))
 
@@ -37,10 +36,10 @@ def create(request: Request) -> Experiment:
         rows, times, reference = [], [], None
         for scan in range(TABLE1_COUNT):
             target, source, truth = table1_pair(scan, int(seed), float(sigma2), settings.scene)
-            reference = reference or registrar.prepare(target)  # the same for all
+            reference = reference or registrar.prepare(target)  # the same for all scans
             start = perf_counter()
             candidate = registrar.prepare(source)
-            registrar.device.queue.finish()  # so that the registration's seconds are its own
+            registrar.device.queue.finish()  # so that the time of the registration does not include it
             prepared = perf_counter() - start
             registration = registrar.register(reference, candidate)
             rows.append(row_of(registration, truth, candidate.volume.center, pair | {"scan": scan}))
@@ -56,17 +55,17 @@ _COLUMNS = ("scene", "grid", "voxel_m", "sigma2", "seed", "scan")
 
 
 def row_of(registration: Registration, truth: RigidTransform, center: np.ndarray, pair: dict[str, Value]) -> Row:
-    """The row of one registration of a pair, which has cells of its own, with the true T_target_source.
+    """The row of a registration with the true T_target_source and the cells of `pair`.
 
-    The error at the sensor decides what is right; "center_m" is that of the scan's `center` (3,) [m, sensor frame of
-    the source], far from the sensor. "wrong_step" is the first of the paper's steps whose result is wrong: yaw, tilt or
-    translation; "" where it is right. "found_..." and "true_..." are Table 1's parameters, about the grid's center.
+    "right" is by the error at the sensor; "center_m" is the error at the scan's `center` (3,) [m, frame of the source],
+    far from the sensor. "wrong_step" is the first of the paper's steps that fails: yaw, tilt or
+    translation; "" for a right result. "found_..." and "true_..." are Table 1's parameters, about the grid's center.
     """
     T, voxel = registration.T_target_source, float(pair["voxel_m"])
     error, steps = pair_error(T, truth), dict(registration.step_psr)
     center_m = float(np.linalg.norm(T.apply(center) - truth.apply(center)))
     is_right, turned_right = error.is_right(voxel), error.rotation_deg <= RIGHT_DEG
-    estimated, true = (one.rotation.as_euler("ZYX", degrees=True)[0] for one in (T, truth))
+    estimated, true = (pose.rotation.as_euler("ZYX", degrees=True)[0] for pose in (T, truth))
     turned = "yaw" if abs(less_turns(estimated - true)) > RIGHT_DEG else "tilt"
     return {
         **{name: pair[name] for name in _COLUMNS},
@@ -87,6 +86,6 @@ def row_of(registration: Registration, truth: RigidTransform, center: np.ndarray
 
 
 def about_center(T_target_source: RigidTransform) -> RigidTransform:
-    """A transform between sensor frames, as one about the grid's center: there Table 1 states its values."""
+    """A transform between sensor frames converted to one about the grid's center, as in Table 1."""
     T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
     return T_grid_rig * T_target_source * T_grid_rig.inv()

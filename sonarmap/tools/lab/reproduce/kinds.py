@@ -1,4 +1,4 @@
-"""Pairs of every kind of scan, by every method, with what instruments know and without."""
+"""Every method on pairs of every kind of scan, with and without priors of instruments."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -20,13 +20,13 @@ from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments
 from sonarmap.tools.methods.registry import find_method
 
-BATCH = 5  # pairs of a job
-# Pairs of each kind, of a set that neither development nor the tests use; voxels per edge
+BATCH = 5  # pairs per job
+# Neither development nor the tests use pairs of this seed
 _USUAL = {"kinds": tuple(SCAN_KINDS), "pairs": 100, "seed": 77014, "edge": 128}
 NOTHING, LEVELED, NAVIGATION = "none", "attitude,depth", "navigation"
-NAVIGATED = "swath"  # the kind that is registered with navigation too
-NAVIGATION_OVERLAPS = (0.05, 0.4)  # those pairs share less
-# What is known beforehand -> the instruments that measured it
+NAVIGATED = "swath"  # the kind that is also registered with navigation
+NAVIGATION_OVERLAPS = (0.05, 0.4)  # range of the overlap of these pairs
+# Name of the priors -> the instruments that measure them
 PRIORS: Mapping[str, Instruments | None] = MappingProxyType(
     {
         NOTHING: None,
@@ -38,14 +38,14 @@ DIRECTIONS = (1, 2, 3)
 
 
 def create(request: Request) -> Experiment:
-    """A job is five pairs of a kind, what is known, and one method, as in swath/none/003/spectral; `quick` is one batch
-    of two kinds on half the voxels."""
+    """A job is five pairs of a kind by one method with some priors, as swath/none/003/spectral; `quick` runs one batch
+    of two kinds on grids of half the edge."""
     usual = _USUAL | compared_methods(request)
     settings = as_asked(request, usual, {"kinds": ("patch", "swath"), "pairs": BATCH, "edge": 64})
 
     @lru_cache(maxsize=1)
     def pairs_of(kind: str, navigated: bool, batch: int) -> list[tuple[KindPair, Grid]]:
-        """The pairs of a batch, without priors, each with its grid; one that its scene does not have is left out."""
+        """Pairs of a batch without priors, each with its grid; a pair that cannot be simulated is left out."""
         pairs = []
         for number in range(batch * BATCH, (batch + 1) * BATCH):
             try:
@@ -89,13 +89,13 @@ def navigation_cells(
 ) -> dict[str, Value]:
     """Standard deviations and signed errors of a registration and of navigation alone, along three directions [m].
 
-    The directions are the eigenvectors of the covariance of the translation, in the target's axes, 1, 2, 3 with growing
-    standard deviations. All of both poses is measured. Nothing where the registration has no covariance.
+    The directions are the eigenvectors of the translation's covariance in the target's axes, ordered by growing
+    standard deviation. The priors measure both poses completely. Empty if the registration has no covariance.
     """
     covariance = np.asarray(registration.covariance)[3:, 3:]
     if not np.isfinite(covariance).all():
         return {}
-    R = registration.T_target_source.rotation.as_matrix()  # the covariance is along the source's axes
+    R = registration.T_target_source.rotation.as_matrix()  # the covariance is in the source's axes
     variances, axes = np.linalg.eigh(R @ covariance @ R.T)
     navigated = target.T_world_sensor.inv() * source.T_world_sensor
     known = np.sqrt(np.einsum("ik,ij,jk->k", axes, navigation_covariance(target, source), axes))
@@ -113,10 +113,10 @@ def navigation_cells(
 
 
 def navigation_covariance(target: PosePrior, source: PosePrior) -> np.ndarray:
-    """(3, 3) of the translation of the measured T_target_source, in the target's axes [m^2]: the errors of both
-    positions and of the target's rotation."""
-    way = source.T_world_sensor.translation - target.T_world_sensor.translation
-    lever = cross_matrices(way[None])[0]
+    """(3, 3) covariance of the translation of T_target_source by the priors, in the target's axes [m^2]: from the
+    errors of both positions and of the target's rotation."""
+    baseline = source.T_world_sensor.translation - target.T_world_sensor.translation
+    lever = cross_matrices(baseline[None])[0]
     world = np.diag(target.sigmas[3:] ** 2 + source.sigmas[3:] ** 2)
     world += lever @ np.diag(target.sigmas[:3] ** 2) @ lever.T
     R = target.T_world_sensor.rotation.as_matrix()

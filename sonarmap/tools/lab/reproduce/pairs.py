@@ -1,4 +1,4 @@
-"""Pairs that had no part in development, by every method: of every overlap, along Table 1's path, and unrelated."""
+"""Every method on pairs not used in development: of every overlap, along the path of Table 1, and unrelated ones."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -33,22 +33,22 @@ from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_o
 from sonarmap.tools.lab.simulate.trajectories import TABLE1_MOST
 
 OVERLAP, PATHS, UNRELATED = PAIR_SETS
-BATCH = 5  # pairs of a job: of the set overlap one of every range of overlap
-_FREE_SHARE = 5  # pairs with any yaw for each one with any rotation
-# Neither development nor the tests use pairs of these seeds. The methods other than ours register less, as they take
+BATCH = 5  # pairs per job; in the set "overlap", one of each range of overlap
+_FREE_SHARE = 5  # number of pairs with any yaw per pair with any rotation
+# Neither development nor the tests use pairs of these seeds. Methods other than ours register fewer pairs, as they take
 # ten times as long.
 _USUAL = {
     "sets": (OVERLAP, PATHS, UNRELATED),
-    "counts": {"yaw": 1000, "any": 1000 // _FREE_SHARE, UNRELATED: 500},  # pairs of each turn, and unrelated ones
-    "peers": {"yaw": 300, "any": 300 // _FREE_SHARE, UNRELATED: 500},  # how many of these the others register
+    "counts": {"yaw": 1000, "any": 1000 // _FREE_SHARE, UNRELATED: 500},  # numbers of related and unrelated pairs
+    "peers": {"yaw": 300, "any": 300 // _FREE_SHARE, UNRELATED: 500},  # numbers of these that other methods register
     "seed": 20110,  # of these pairs
-    # paths: the seeds go round over the scenes; variances of the range noise at the largest range [m^2]
+    # paths: seed k uses scene k modulo their number; sigma2: variances of the noise at the largest range [m^2]
     "scenes": ("floodgate", "harbor", "bridge", "wreck"),
     "sigma2": (1.0, 2.0, 4.0),
     "seeds": 20,
     "peer_seeds": 12,
     "first_seed": 101,
-    "edge": 128,  # voxels per edge; their size is chosen for each pair, and as large as the paper's along paths
+    "edge": 128,  # voxels per edge; the voxel fits each pair, except along paths: there the grid has the paper's extent
 }
 _QUICK = {"counts": {"yaw": BATCH, "any": BATCH, UNRELATED: BATCH}, "sigma2": (1.0,), "seeds": 1, "edge": 64}
 
@@ -57,19 +57,19 @@ _QUICK = {"counts": {"yaw": BATCH, "any": BATCH, UNRELATED: BATCH}, "sigma2": (1
 class SetPair:
     """One simulated pair."""
 
-    # which pair it is; of the sets overlap and unrelated: turn, number, scene, sigma2 (0, 1 or 2: as if the scene were
-    # of 256 m), shared (the noise-free overlap), voxel_m; of paths: scene, seed, sigma2, step
+    # cells that identify the pair; sets overlap and unrelated: turn, number, scene, sigma2 (0, 1 or 2: scaled to a
+    # scene of 256 m), shared (the noise-free overlap), voxel_m; set paths: scene, seed, sigma2, step
     cells: dict[str, Value]
     # target, source: the scans
     target: Scan
     source: Scan
-    truth: RigidTransform | None  # T_target_source between their frames; None where they share nothing
+    truth: RigidTransform | None  # T_target_source between their frames; None if they share nothing
     grid: Grid
 
 
 def create(request: Request) -> Experiment:
-    """A job is five pairs by one method, as in yaw/003/spectral and unrelated/003/spectral, or the scans of a path, as
-    in paths/floodgate/101/1.0/spectral. `quick` is one job of each sort and method on half the voxels."""
+    """A job is five pairs by one method, as yaw/003/spectral or unrelated/003/spectral, or the scans of a path, as
+    paths/floodgate/101/1.0/spectral. `quick` runs one job of each kind and method on grids of half the edge."""
     usual = _USUAL | compared_methods(request)
     if request.set:
         usual["sets"] = request.set
@@ -96,7 +96,7 @@ def create(request: Request) -> Experiment:
 
 
 def _jobs(name: str, settings: Settings) -> Iterator[str]:
-    """The jobs of a set, all methods of the same pairs in a row."""
+    """The jobs of a set; jobs of the same pairs follow each other."""
     if name == PATHS:
         for k in range(settings.seeds):
             path = f"{PATHS}/{settings.scenes[k % len(settings.scenes)]}/{settings.first_seed + k}"
@@ -110,7 +110,7 @@ def _jobs(name: str, settings: Settings) -> Iterator[str]:
 
 
 def _pairs(batch: str, settings: Settings) -> Iterator[SetPair]:
-    """The pairs of a job, which its method decides nothing about; one that its scene does not have is left out."""
+    """The pairs of a job, the same for every method; a pair that cannot be simulated in its scene is left out."""
     part, *path, last = batch.split("/")
     if part == PATHS:
         scene, seed = path
@@ -120,7 +120,7 @@ def _pairs(batch: str, settings: Settings) -> Iterator[SetPair]:
             yield SetPair(cells | {"step": step}, target, source, truth, paper_grid(settings.edge))
         return
     for number in range(int(last) * BATCH, (int(last) + 1) * BATCH):
-        # those with the turn "any" are of the next seed
+        # pairs of the turn "any" use the next seed
         pair = (
             unrelated(number, settings.seed, settings.edge)
             if part == UNRELATED
@@ -131,7 +131,7 @@ def _pairs(batch: str, settings: Settings) -> Iterator[SetPair]:
 
 
 def _registered(pair: SetPair, method: str, registrar: Registrar) -> tuple[dict[str, Value], dict[str, Value]]:
-    """The row of a pair, and its time, of preparing both scans and registering them."""
+    """The row of a pair, and the row of its time for preparing both scans and registering them."""
     finish_device(registrar)
     start = perf_counter()
     registration = answer(registrar, pair.target, pair.source)
@@ -142,7 +142,7 @@ def _registered(pair: SetPair, method: str, registrar: Registrar) -> tuple[dict[
 
 
 def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:
-    """Pair `number` of the set `seed`, on a grid of `edge` voxels; None where the scene has no such pair."""
+    """Pair `number` of the set `seed`, on a grid of `edge` voxels per edge; None if the scene has no such pair."""
     pair = evaluation_pair(number, seed, turn)
     scale = SCENE_KINDS[pair.scene].scale
     try:
@@ -157,7 +157,7 @@ def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:
 
 
 def unrelated(number: int, seed: int, edge: int) -> SetPair | None:
-    """Pair `number` of the set `seed` of pairs that share nothing; None where a scene has no clear place."""
+    """Pair `number` of the set `seed` of pairs that share nothing; None if a scene has no free position."""
     pair = evaluation_unrelated(number, seed)
     try:
         target, source = pair.scans()

@@ -1,4 +1,4 @@
-"""The tables of the paper's experiments, with what the paper says where that is a number."""
+"""The tables of the paper's experiments, with the numbers that the paper gives."""
 
 from collections.abc import Callable
 from statistics import median_low
@@ -12,15 +12,15 @@ from sonarmap.tools.lab.reproduce.floodgate import DISPLACED_90, MAP_90, MAP_MED
 from sonarmap.tools.lab.reproduce.registrations import less_turns
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, share, where
 
-# The distance up to which the paper says or shows that registrations succeed [voxels of 1 m] (Figs. 12, 14, 15)
+# Noise -> distance up to which registrations succeed in the paper [voxels of 1 m] (Figs. 12, 14, 15)
 PAPER_REACH = MappingProxyType({"D0": 150, "D1": 140, "D2": 140, "D3": 140, "D4": 140, "D5": 120, "D6": 110})
-_ROUNDING = 0.5  # [m]: 40 steps are 149.7 m and count as the paper's 150
-# The last scan up to which the paper's registrations succeed, by the variance of the noise [m^2] (Figs. 20, 21)
+_ROUNDING = 0.5  # [m], as distances are not round: 40 steps are 149.7 m
+# Variance of the noise [m^2] -> last scan up to which registrations succeed in the paper (Figs. 20, 21)
 PAPER_LAST = MappingProxyType({1.0: 8, 2.0: 6})
 
 
 def reach(series: Frame) -> float:
-    """The farthest shift of one series up to which every one is right [m]; 0 where the first is wrong."""
+    """The largest shift of a series up to which all registrations are right [m]; 0 if the first is wrong."""
     ordered = series.sort_values("distance_m", kind="stable")
     right = ordered["distance_m"][ordered["right"].astype(int).cummin() == 1]
     return float(right.max()) if len(right) else 0.0
@@ -53,13 +53,13 @@ TRANSLATION = (
     ),
 )
 
-# What the paper's Figs. 16 and 17 show: how far estimated angles lie from the true ones [degrees]
+# Largest errors of the angles in the paper's Figs. 16 and 17 [degrees]
 _DEVIATION = MappingProxyType({"yaw": 5, "roll": 3, "pitch": 3})
 _WITHIN = " and ".join(f"{name}_off <= {most}" for name, most in _DEVIATION.items()) + " and translation_voxels <= 2"
 
 
 def deviations(frame: Frame) -> Frame:
-    """The rows, with how far estimated angles are from the true ones [degrees]."""
+    """The rows with new columns of the absolute errors of the angles [degrees]."""
     off = {name: frame[f"found_{name}_deg"] - frame[f"true_{name}_deg"] for name in _DEVIATION}
     return frame.assign(**{f"{name}_off": abs(less_turns(values)) for name, values in off.items()})
 
@@ -108,9 +108,9 @@ LIMITS = (
 
 
 def last_right(frame: Frame, over: str, *series: str) -> list[int]:
-    """Of each series, in their order, the last step that is right with all before it; -1 where the first is wrong.
+    """The last step before the first failure of each series, in their order; -1 if the first step fails.
 
-    `over` is the column of the steps, `series` those that name a series.
+    `over` is the column of the steps, `series` are the columns that identify a series.
     """
     ends = []
     for _, some in frame.groupby(list(series)):
@@ -120,7 +120,7 @@ def last_right(frame: Frame, over: str, *series: str) -> list[int]:
 
 
 def step_name(step: int) -> str:
-    """As in "S3"; "none" below 0."""
+    """The name of a step, such as "S3"; "none" below 0."""
     return f"S{step}" if step >= 0 else "none"
 
 
@@ -181,22 +181,22 @@ GAUSSIAN = (
 
 
 def _by_survey(row: str, value: Callable[[Frame], float], form: str = ".2f") -> Cell:
-    """A value of each survey, of its pairs or of its poses; those of the true poses are shown of maps alone."""
+    """A cell with a value per survey, computed from its rows of pairs or poses; a dash without such rows."""
 
     def cell(frame: Frame) -> str:
         some = where(frame, f"row == '{row}'")
-        return DASH if some.empty else " / ".join(f"{value(each):{form}}" for _, each in some.groupby("seed"))
+        return DASH if some.empty else " / ".join(f"{value(rows):{form}}" for _, rows in some.groupby("seed"))
 
     return cell
 
 
 def _last(column: str) -> Callable[[Frame], float]:
-    """Of the last pose: there distances are those of the whole map."""
+    """The value of a column at the last pose, which is that of the whole map."""
     return lambda poses: float(poses[column].iloc[-1])
 
 
 def ate_m(pairs: Frame) -> float:
-    """Root mean square of the positions' errors of one survey after the best rigid alignment [m]."""
+    """Root mean square error of a survey's positions after the best rigid alignment [m]."""
     stamps, rows = np.arange(len(pairs) + 1, dtype=np.float64), pairs.to_dict("records")
     found, true = (Trajectory(stamps, chained(rows, which)) for which in ("found", "true"))
     return evaluate(found, true).ate_m

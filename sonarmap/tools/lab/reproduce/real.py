@@ -1,4 +1,4 @@
-"""Every pair of folders of real scans with known truth, by every method, with the priors that there are and without."""
+"""Every method on the pairs of real scans with ground truth in folders, with and without priors."""
 
 import hashlib
 import math
@@ -39,10 +39,10 @@ _NUMBERED = re.compile(r"(?:.*\D)?(\d{1,9})", re.ASCII | re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class RealPair:
-    """Two files, and the truth between their scans."""
+    """Two files of scans, and the true transform between them."""
 
-    name: str  # the numbers of target and source, as in 0-2
-    # target, source: the files
+    name: str  # numbers of target and source, as 0-2
+    # target, source: files
     target: Path
     source: Path
     T_target_source: RigidTransform  # the truth
@@ -52,10 +52,10 @@ class RealPair:
 class RealSet:
     """The pairs of one folder."""
 
-    name: str  # the folder's
+    name: str  # of the folder
     pairs: tuple[RealPair, ...]  # in the order of gt.log
     priors: Path | None  # the folder's priors.csv, or None
-    digest: str  # of the content of all files that decide the rows, 64 hexadecimal digits
+    digest: str  # of the content of all files that affect the rows, 64 hexadecimal digits
 
     @property
     def key(self) -> str:
@@ -64,9 +64,9 @@ class RealSet:
 
 
 def read_sets(folder: Path) -> tuple[RealSet, ...]:
-    """The set in `folder` if it has a gt.log, otherwise those in its sub-folders that have one, in natural order.
+    """The set in `folder` if it has a gt.log, otherwise those of its sub-folders with a gt.log, in natural order.
 
-    Raises InputError: there is no folder, no gt.log, or one that cannot be used; or a scan that it names has no file.
+    Raises InputError: the folder does not exist, a gt.log is missing or invalid, or a scan that it names has no file.
     """
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}; give one that holds scans and a {GT_LOG}")
@@ -87,7 +87,7 @@ def read_sets(folder: Path) -> tuple[RealSet, ...]:
 
 
 def without_truth(folder: Path) -> tuple[str, ...]:
-    """The names of the folders in `folder` that `read_sets` leaves out, as they have no gt.log."""
+    """The names of the sub-folders that `read_sets` ignores, as they have no gt.log."""
     if (folder / GT_LOG).is_file():
         return ()
     inside = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
@@ -96,7 +96,7 @@ def without_truth(folder: Path) -> tuple[str, ...]:
 
 def _read_set(folder: Path) -> RealSet:
     path = folder / GT_LOG
-    name = folder.name if folder.name.strip(".") else folder.resolve().name  # of a link its own, of . the folder's
+    name = folder.name if folder.name.strip(".") else folder.resolve().name  # a link keeps its own name
     numbered = _numbered_scans(folder)
     pairs = []
     for truth in read_gt_log(path):
@@ -110,7 +110,7 @@ def _read_set(folder: Path) -> RealSet:
 
 
 def _numbered_scans(folder: Path) -> dict[int, list[Path]]:
-    """The scans whose names end in a number, by this number: 7.npy and cloud_bin_7.ply have 7."""
+    """Scan files by the number at the end of their names, which is 7 for 7.npy and cloud_bin_7.ply."""
     numbered: dict[int, list[Path]] = {}
     for path in sorted(folder.iterdir()):
         match = _NUMBERED.fullmatch(path.stem)
@@ -145,15 +145,15 @@ def _digest(files: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-# Standard deviations of what --known draws [rad, rad, m, m]
+# Standard deviations of the measurements that --known draws [rad, rad, m, m]
 SIGMAS = {"attitude": math.radians(1.5), "heading": math.radians(3.0), "depth": 0.15, "position": 3.0}
 _USUAL = {
     "edge": 128,  # voxels per edge
-    "voxel": None,  # their size [m]; None to choose it for each pair
-    "max_tilt": 35.0,  # largest roll and pitch between two scans, of the methods that bound them [degrees]
-    "seeds": 5,  # how often the measurements of `known` are drawn for each pair
+    "voxel": None,  # edge of a voxel [m]; None: chosen for each pair
+    "max_tilt": 35.0,  # largest roll and pitch between two scans, for the methods that bound them [degrees]
+    "seeds": 5,  # number of draws of the measurements of `known` for each pair
     "first_seed": 0,
-    "first_only": False,  # the first pair of each set alone
+    "first_only": False,  # whether to use only the first pair of each set
 }
 SOURCES = (
     *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate")),
@@ -165,10 +165,10 @@ _TARGET_STREAM, _SOURCE_STREAM = 81, 82
 
 
 def create(request: Request) -> Experiment:
-    """A job is a pair, what is known beforehand, and a method, as in kitchen@1f0c.../0-2/nothing/spectral.
+    """A job is a pair by one method with some priors, as kitchen@1f0c.../0-2/nothing/spectral.
 
-    The digest of a set and the drawn priors are part of a job's key: another set makes no job run again. `quick` is the
-    first pair of every set on half the voxels.
+    The digest of a set and the drawn priors are part of a job's key, so a new set does not cause jobs of other sets to
+    be run again. `quick` registers the first pair of every set on grids of half the edge.
     """
     sets = read_sets(request.chosen_folder)
     usual = {
@@ -179,7 +179,7 @@ def create(request: Request) -> Experiment:
         "without_truth": without_truth(request.chosen_folder),
     }
     settings = as_asked(request, usual, {"edge": 64, "seeds": 1, "first_only": True})
-    # seeds of the drawn measurements, by what is known and the seed in a word
+    # seeds of the drawn measurements, by the part of the key that names them
     draws = {f"{','.join(settings.known)},seed={seed}": seed for seed in all_seeds(settings)} if settings.known else {}
     jobs = [
         f"{real_set.key}/{pair.name}/{known}/{method}"
@@ -194,10 +194,10 @@ def create(request: Request) -> Experiment:
 
 
 class _RealPairs:
-    """Registers pairs; the scans of the last one are kept for the next method."""
+    """Registers pairs, and caches the scans of the last pair for the next method."""
 
     def __init__(self, sets: Iterable[RealSet], settings: Settings, draws: Mapping[str, int], device: str | None):
-        self._pairs = {(each.key, pair.name): (each, pair) for each in sets for pair in each.pairs}
+        self._pairs = {(real.key, pair.name): (real, pair) for real in sets for pair in real.pairs}
         self._settings, self._draws, self._device = settings, draws, device
         self._instruments = Instruments(
             **{kind: SIGMAS[kind] if kind in settings.known else math.inf for kind in KINDS}
@@ -205,7 +205,7 @@ class _RealPairs:
         self._read = lru_cache(maxsize=1)(lambda target, source: (read_scan(target), read_scan(source)))
 
     def run(self, job: str) -> Outcome:
-        """Register a pair by one method, and time it with the preparation."""
+        """Register a pair by one method; its time includes the preparation of both scans."""
         key, name, known, method = job.split("/")
         real_set, pair = self._pairs[key, name]
         scans = self._read(pair.target, pair.source)
@@ -228,7 +228,7 @@ class _RealPairs:
         return Outcome((cells | {"voxel_m": grid.voxel} | scored,), (cells | {"seconds": seconds},))
 
     def _with_priors(self, scans: Sequence[Scan], real_set: RealSet, pair: RealPair, known: str) -> Sequence[Scan]:
-        """The scans with what is known of them: a row of the file, or measurements drawn about the truth."""
+        """The scans with their priors: from the file, or simulated measurements of the true poses."""
         if known == NOTHING:
             return scans
         if known == FILE and real_set.priors is not None:
@@ -242,11 +242,11 @@ class _RealPairs:
 
 
 def _known(request: Request) -> tuple[str, ...]:
-    """The instruments of KINDS whose measurements are drawn."""
+    """The instruments of KINDS with simulated measurements."""
     idle = [name for name in ("seeds", "seed") if request.known is None and name in request.given]
     if idle:
         raise InputError(f"--{idle[0]} has no effect without --known; give --known too, or leave it out")
     known = () if request.known is None else request.known.split(",")
     if known:
-        instruments_for(known)  # refuses unknown ones
+        instruments_for(known)  # raises InputError for unknown ones
     return tuple(kind for kind in KINDS if kind in known)

@@ -1,4 +1,4 @@
-"""The methods that are compared, and what a registration says beside the truth, as cells of a row."""
+"""The compared methods, and cells of a row with a registration's values and errors."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -13,9 +13,9 @@ from sonarmap.tools.methods.registry import Setup, find_method, is_installed
 
 OURS = "spectral"
 EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-plane")
-EXTENT = 256.0  # of the paper's grid [m]
+EXTENT = 256.0  # edge of the paper's grid [m]
 PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
-# The code that decides the rows of an experiment on simulated pairs, beside the methods'
+# Code that affects the rows of experiments on simulated pairs, beside that of the methods
 SOURCES = (
     *("tools/lab/simulate", "tools/lab/evaluate", "spectral/grid.py"),
     "tools/lab/reproduce/registrations.py",
@@ -23,23 +23,23 @@ SOURCES = (
 
 
 def compared_methods(request: Request) -> dict[str, tuple[str, ...]]:
-    """The settings "methods", those that were asked for or all that are installed, and "left_out".
+    """The settings "methods", which are the requested ones or all that are installed, and "left_out".
 
-    Raises InputError: a method that was asked for is unknown or not installed.
+    Raises InputError: a requested method is unknown or not installed.
     """
     if request.method:
         for name in request.method:
             if not is_installed(name):
-                registrar(name, Grid(16, 1.0), None)  # its error says what to install
+                registrar(name, Grid(16, 1.0), None)  # raises an error that says what to install
         return {"methods": request.method, "left_out": ()}
     left_out = tuple(name for name in EVALUATED if not is_installed(name))
     return {"methods": tuple(name for name in EVALUATED if name not in left_out), "left_out": left_out}
 
 
 def registrar(name: str, grid: Grid, device: str | None, max_tilt: float | None = None) -> Registrar:
-    """A method, a key of METHODS, with its defaults; one that bounds roll and pitch does so at `max_tilt` [rad].
+    """A method of METHODS with its default settings; `max_tilt` [rad] applies if the method bounds roll and pitch.
 
-    Raises InputError, DeviceError: there is no such method, its package is not installed, or the device is too small.
+    Raises InputError, DeviceError: the method is unknown, its package is not installed, or the device is too small.
     """
     method = find_method(name)
     changes = {} if max_tilt is None or "max_tilt" not in method.options else {"max_tilt": max_tilt}
@@ -47,14 +47,14 @@ def registrar(name: str, grid: Grid, device: str | None, max_tilt: float | None 
 
 
 def finish_device(registrar: Registrar) -> None:
-    """Wait for the device of a method that has one."""
+    """Wait for the device of a method, if it uses one."""
     device = getattr(registrar, "device", None)
     if device is not None:
         device.queue.finish()
 
 
 def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
-    """Prepare and register two scans; where a method raises InputError, the identity counts as refused."""
+    """Prepare and register two scans; an InputError of the method becomes a refused registration."""
     try:
         return registrar.register(registrar.prepare(target), registrar.prepare(source))
     except InputError as error:
@@ -68,14 +68,14 @@ def refused(reason: str) -> Registration:
 
 
 def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
-    """PARAMETERS, in the paper's order, as cells whose names begin with "found" or "true"."""
+    """Cells of PARAMETERS, in the paper's order; `which` is the prefix of their names, "found" or "true"."""
     yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True).tolist()
     values = (*T.translation.tolist(), yaw, roll, pitch)
     return {f"{which}_{name}": value for name, value in zip(PARAMETERS, values, strict=True)}
 
 
 def claims(registration: Registration) -> dict[str, Value]:
-    """What a registration reports about itself; sigma_deg and sigma_m are along the worst direction."""
+    """Cells of the values that a registration reports; sigma_deg and sigma_m are along the worst direction."""
     sigma_deg, sigma_m = float("nan"), float("nan")
     if np.isfinite(covariance := registration.covariance).all():
         worst = (np.linalg.eigvalsh(block)[-1] for block in (covariance[:3, :3], covariance[3:, 3:]))
@@ -93,7 +93,7 @@ def claims(registration: Registration) -> dict[str, Value]:
 
 
 def errors(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
-    """The errors of a registration against the true T_target_source between the scans; `voxel` of the grid [m]."""
+    """Cells of the errors of a registration against the true T_target_source; `voxel` is the grid's [m]."""
     error = pair_error(registration.T_target_source, truth)
     return {
         "right": error.is_right(voxel),
@@ -107,8 +107,8 @@ def errors(registration: Registration, truth: RigidTransform, voxel: float) -> d
 def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransform) -> float:
     """The normalized estimation error squared: xi' covariance^-1 xi with truth = T_estimate Exp(xi).
 
-    Of a right covariance it is chi-squared with six degrees of freedom (Bar-Shalom, Li and Kirubarajan 2001, Sect. 5.4,
-    doi 10.1002/0471221279). NaN where the covariance, rotation first [rad, m], is not positive definite.
+    With a right covariance it is chi-squared with 6 degrees of freedom (Bar-Shalom, Li and Kirubarajan 2001, Sect. 5.4,
+    doi 10.1002/0471221279). NaN if the covariance, rotation first [rad, m], is not positive definite.
     """
     xi = (T_estimate.inv() * truth).as_exp_coords()
     try:
@@ -119,11 +119,11 @@ def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransfo
 
 
 def less_turns(angle: float) -> float:
-    """An angle without its whole turns [degrees], -180..180."""
+    """An angle reduced to -180..180 [degrees]."""
     return (angle + 180) % 360 - 180
 
 
 def paper_grid(edge: int) -> Grid:
-    """A grid of `edge` voxels along each edge, as large as the paper's, which has 256 voxels of about 1 m."""
-    Grid(edge, 1.0)  # its error names the edge alone
+    """A grid of `edge` voxels per edge with the extent of the paper's, which has 256 voxels of about 1 m."""
+    Grid(edge, 1.0)  # its error names the edge, not the voxel
     return Grid(edge, EXTENT / edge)

@@ -1,4 +1,4 @@
-"""Tables of an experiment's rows: which rows, by what they are grouped, and what is shown of each group."""
+"""Tables of an experiment's rows: selecting rows, grouping them, and formatting a cell of each group."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,54 +11,54 @@ from scipy.stats import binomtest
 from sonarmap.tools.lab.reproduce.experiments import Row
 from sonarmap.tools.lab.terminal import plain_table
 
-DASH = "–"  # for what there is not
-Frame = Any  # a DataFrame of pandas, which has no types
+DASH = "–"  # for a missing value
+Frame = Any  # a pandas DataFrame, as pandas has no types
 Cell = Callable[[Frame], str]
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A line for each group of rows. Conditions are expressions of pandas' `eval`, as "accepted and not right"."""
+    """A table with a line per group of rows; conditions are for pandas' `eval`, such as "accepted and not right"."""
 
     title: str
-    by: tuple[str, ...]  # the columns whose values make the groups and name the lines
-    cells: Mapping[str, Cell]  # heading -> what is shown of the rows of a group
-    rows: str | Callable[[Frame], Frame] = ""  # which rows: a condition, or what to make of them
-    across: str = ""  # a column whose values stand side by side, each with all the cells
-    total: str = ""  # the name of a further line, of all rows
-    times: bool = False  # whether it shows the times, which differ between runs
+    by: tuple[str, ...]  # columns whose values define the groups and name the lines
+    cells: Mapping[str, Cell]  # heading -> formats the rows of a group
+    rows: str | Callable[[Frame], Frame] = ""  # a condition, or a function that selects and changes the rows
+    across: str = ""  # column whose values are shown side by side, each with all the cells
+    total: str = ""  # name of a last line for all rows; "" for none
+    times: bool = False  # whether it shows run times, which differ between runs
 
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """A table as it is shown: a title, headings, and rows with as many cells each."""
+    """A formatted table: a title, headings, and rows of cells."""
 
     title: str
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
     def markdown(self) -> str:
-        """As GitHub shows it, the title in bold."""
+        """The table in GitHub's Markdown, the title in bold."""
         lines = [self.headings, ("---",) * len(self.headings), *self.rows]
         cells = (" | ".join(cell.replace("|", "\\|") for cell in line) for line in lines)
         return f"**{self.title}**\n\n" + "".join(f"| {line} |\n" for line in cells)
 
     def rich(self) -> RichTable:
-        """As rich prints it."""
+        """The table for the terminal."""
         return plain_table(self.headings, self.rows, self.title)
 
 
 def frame_of(rows: Sequence[Row]) -> Frame:
-    """The rows as a table of pandas, a column for every key in the order in which they first appear."""
+    """The rows as a pandas DataFrame, with a column for every key in order of first appearance."""
     frame: Frame = pd.DataFrame([dict(row) for row in rows])
-    for name, column in frame.items():  # truth values that some rows do not have
+    for name, column in frame.items():  # Booleans that some rows lack
         if column.dtype == object and column.map(type).isin((bool, float)).all():
             frame[name] = column.astype("boolean")
     return frame
 
 
 def where(frame: Frame, condition: str) -> Frame:
-    """The rows that fulfill a condition: all where it is empty, none where its columns are missing."""
+    """The rows that meet a condition: all if it is empty, none if its columns are missing."""
     if not condition or frame.empty:
         return frame
     try:
@@ -69,7 +69,7 @@ def where(frame: Frame, condition: str) -> Frame:
 
 
 def render(table: Table, frame: Frame) -> Rendered | None:
-    """The table of these rows; None where there are none."""
+    """The table of the rows that it selects from `frame`; None if it selects none."""
     some = table.rows(frame) if callable(table.rows) else where(frame, table.rows)
     if some.empty:
         return None
@@ -80,7 +80,7 @@ def render(table: Table, frame: Frame) -> Rendered | None:
 
 
 def _parts(column: Any) -> list[Any]:
-    """The values of a column, those of bins in their order."""
+    """The values of a column; bins are in their order."""
     return [part for part in getattr(column.dtype, "categories", column.unique()) if (column == part).any()]
 
 
@@ -110,18 +110,18 @@ def _shown(value: Any) -> str:
 
 
 def wilson(hits: int, trials: int) -> tuple[float, float]:
-    """The 95 % interval of a rate (DOI 10.1080/01621459.1927.10502953), of one trial or more."""
+    """The 95 % Wilson interval of a rate (DOI 10.1080/01621459.1927.10502953), of one or more trials."""
     interval = binomtest(hits, trials).proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
 
 
 def count(condition: str = "") -> Cell:
-    """How many rows fulfill a condition."""
+    """A cell with the number of rows that meet a condition."""
     return lambda frame: str(len(where(frame, condition)))
 
 
 def share(condition: str, of: str = "", form: str = "count") -> Cell:
-    """How many of the rows that fulfill `of` also fulfill a condition, with the interval of the rate: as
+    """A cell with the number of the rows that meet `of` and also `condition`, with the 95 % interval of the rate: as
     "3/4 [0.30..0.95]", or with the form "percent" as "75 % [30..95]", or with "plain" as "3/4"."""
 
     def cell(frame: Frame) -> str:
@@ -138,7 +138,7 @@ def share(condition: str, of: str = "", form: str = "count") -> Cell:
 
 
 def ratio(hits: str, of: str) -> Cell:
-    """One column's sum over another's, in percent."""
+    """A cell with the sum of a column over that of another, in percent."""
 
     def cell(frame: Frame) -> str:
         total = float(frame[of].sum())
@@ -148,7 +148,7 @@ def ratio(hits: str, of: str) -> Cell:
 
 
 def number(column: str, digits: int, how: str = "median", condition: str = "") -> Cell:
-    """The median of a column (or what else pandas calls `how`) of the rows that fulfill a condition."""
+    """A cell with the median (or another pandas reduction, `how`) of a column over the rows that meet a condition."""
 
     def cell(frame: Frame) -> str:
         some = where(frame, condition)
@@ -159,5 +159,5 @@ def number(column: str, digits: int, how: str = "median", condition: str = "") -
 
 
 def joined(separator: str, *cells: Cell) -> Cell:
-    """Several cells as one."""
+    """A cell that joins several cells."""
     return lambda frame: separator.join(cell(frame) for cell in cells)

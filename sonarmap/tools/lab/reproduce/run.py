@@ -1,4 +1,4 @@
-"""An experiment from its first job to its last, going on where an earlier run was stopped."""
+"""Runs the jobs of an experiment, with a journal to resume after an interruption."""
 
 import json
 import math
@@ -33,36 +33,36 @@ from sonarmap.tools.methods.registry import find_method
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What has to be the same for rows to be the same, and the machine for people."""
+    """Everything that affects the rows of an experiment, and a description of the machine."""
 
-    name: str  # the experiment's
-    settings: Mapping[str, Any]  # its settings in JSON's types
-    sources: str  # digest of the code that decides rows
+    name: str  # of the experiment
+    settings: Mapping[str, Any]  # in JSON types
+    sources: str  # digest of the code that affects the rows
     # device, platform: the OpenCL device and its driver
     device: str
     platform: str
     versions: Mapping[str, str | None]  # of Python, the system and the packages
-    # processor, cores: the host's; they decide nothing
+    # processor, cores: of the host; they do not affect the rows
     processor: str
     cores: int
-    # where jobs are of one method each, a digest of all that decides the rows of each, by its name
+    # method -> digest of everything that affects its rows; empty if jobs do not belong to methods
     methods: Mapping[str, str] = field(default_factory=dict)
 
     def key(self, job: str) -> str:
-        """A digest of all that decides the rows of a job; of a method's jobs without what decides others alone."""
+        """The digest of everything that affects the rows of a job, without what only affects other methods."""
         whole = [self.settings, self.sources, self.device, self.platform, self.versions]
         return fingerprint([self.name, self.methods.get(job.rpartition("/")[2], whole), job])
 
     @property
     def place(self) -> str:
-        """The machine in a few words: of the driver's long text what stands before its features."""
+        """A short description of the machine; the driver's text is cut before its list of features."""
         host = f"{self.processor}, {self.cores} cores" if self.processor else f"{self.cores} cores"
         driver = self.platform.split("  ")[0].split(",")[0]
         return f"{self.device} ({driver}; {host})"
 
 
 def provenance(experiment: Experiment, device: Device) -> Provenance:
-    """Of an experiment on a device, with the code that runs now."""
+    """The provenance of an experiment on a device with the running code."""
     sources = source_digest(experiment.sources)
     return Provenance(
         name=experiment.name,
@@ -78,7 +78,7 @@ def provenance(experiment: Experiment, device: Device) -> Provenance:
 
 
 def _method_fingerprint(experiment: Experiment, name: str, sources: str, device: Device) -> str:
-    """Of one method's rows; a method that uses no device has the same rows with every one."""
+    """The digest of everything that affects a method's rows, without the device if the method uses none."""
     used = [device.name, device.platform] if "device" in find_method(name).options else None
     deciding = {setting: getattr(experiment.settings, setting) for setting in experiment.deciding}
     return fingerprint([deciding, sources, method_sources(name), method_versions(name), used])
@@ -89,28 +89,28 @@ JOURNAL = "journal.sqlite"
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """All jobs of an experiment."""
+    """The results of all jobs of an experiment."""
 
     outcomes: Mapping[str, Outcome]  # by job, in the order of the experiment's jobs
-    job_seconds: Mapping[str, float]  # how long every job took when it was run, in the same order [s]
+    job_seconds: Mapping[str, float]  # wall time of each job when it was run, in the same order [s]
 
     @property
     def rows(self) -> list[Row]:
-        """Of all jobs."""
+        """The rows of all jobs."""
         return [row for outcome in self.outcomes.values() for row in outcome.rows]
 
     @property
     def times(self) -> list[Row]:
-        """Of all jobs, the rows of times."""
+        """The rows of run times of all jobs."""
         return [row for outcome in self.outcomes.values() for row in outcome.seconds]
 
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """How to run an experiment."""
+    """Options of `run`."""
 
-    fresh: bool = False  # run every job, whatever the journal holds
-    workers: WorkerProcesses | None = None  # processes that share the jobs; None for this process alone
+    fresh: bool = False  # ignore the journal and run every job
+    workers: WorkerProcesses | None = None  # processes that share the jobs; None: run them in this process
 
 
 def run(
@@ -121,10 +121,10 @@ def run(
     options: RunOptions | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Result:
-    """Run the jobs that are not in the journal of the folder, or are there with another provenance.
+    """Run the jobs that are not in the folder's journal with this provenance.
 
-    Every outcome goes through the journal's text, so that results are the same whether a run was stopped or not. `say`
-    takes a sentence about jobs that the journal held. Raises InputError, DeviceError: from a job, or of the journal.
+    Every outcome is written to the journal and read back, so an interruption does not change the results. `say` gets
+    messages about jobs in the journal. Raises InputError, DeviceError: a job fails, or the journal cannot be used.
     """
     options = options or RunOptions()
     jobs = list(dict.fromkeys(experiment.jobs))
@@ -139,7 +139,7 @@ def run(
             say(f"{experiment.name}: {journal.damaged} results in {journal.path} are damaged: their jobs are run again")
         if len(missing) < len(jobs):
             done = f"{len(jobs) - len(missing)} of {len(jobs)} jobs were done"
-            say(f"{experiment.name}: going on: {done}" if missing else f"{experiment.name}: {done} before")
+            say(f"{experiment.name}: continuing: {done}" if missing else f"{experiment.name}: {done} before")
         if missing:
             with follow(experiment.name, len(missing)) as step, _running(experiment, missing, options) as groups:
                 for results in groups:
@@ -157,13 +157,13 @@ def run(
 def _running(
     experiment: Experiment, jobs: Sequence[str], options: RunOptions
 ) -> Generator[Generator[Sequence[JobResult]]]:
-    """Groups of results, as soon as each group is done; by workers in no certain order."""
+    """Iterate over groups of results as they are completed; with workers, in any order."""
     if options.workers is None:
         with closing(this_process().run(partial(run_jobs, experiment), [(job,) for job in jobs], together=1)) as pieces:
             yield (group for _, results in pieces for group in results)
         return
     batches: dict[str, list[str]] = {}
-    for job in jobs:  # those that differ in their last part alone share work
+    for job in jobs:  # jobs that differ only in their last part share work
         batches.setdefault(job.rpartition("/")[0] or job, []).append(job)
     with (
         processes(options.workers.count, begin, options.workers) as executor,
@@ -178,7 +178,7 @@ def _entry(key: str, name: str, result: JobResult) -> JournalEntry:
 
 
 def _outcome(journal: Journal, entry: JournalEntry | None) -> Outcome:
-    """What an entry holds; numbers come back bit by bit, and what is no finite number comes back as NaN."""
+    """The outcome in an entry; finite numbers are restored exactly, all others as NaN."""
     if entry is None:
         raise journal.unusable("an entry that was written is gone")
     try:

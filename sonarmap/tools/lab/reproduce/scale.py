@@ -1,4 +1,4 @@
-"""Surveys of thousands of scans, each mapped in a process of its own: what it takes by stage, and what comes of it."""
+"""Surveys of thousands of scans with made-up registrations: time and memory of the mapper by stage, and its errors."""
 
 import tempfile
 import threading
@@ -23,17 +23,17 @@ from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, Value, all_seeds, as_asked
 
-_STEP = 4.0  # between scans [m]
-_LANE = 15.0  # between lanes [m]
+_STEP = 4.0  # distance between scans [m]
+_LANE = 15.0  # distance between lanes [m]
 _HEIGHT = 12.0  # above a rough bed [m]
-_LONG = 16.0  # of what a scan sees of the bed, along the track [m]
-_WIDE = 40.0  # across it [m]
-_TURN = float(np.radians(0.1))  # standard deviation of a registration's errors where all is shared [rad]
-_SHIFT = 0.05  # likewise [m]
-_STATED = 7.0  # variances that registrations state, over those of their errors, as spectral ones do
-_LEAST_OVERLAP = 0.25  # of what is accepted
-_REFUSED = 0.02  # share of the others that is refused nevertheless
-_WRONG = 0.002  # share of the accepted loops that is wrong
+_LONG = 16.0  # length of a scan's footprint on the bed, along the track [m]
+_WIDE = 40.0  # width of the footprint, across the track [m]
+_TURN = float(np.radians(0.1))  # standard deviation of a rotation's error at full overlap [rad]
+_SHIFT = 0.05  # standard deviation of a translation's error at full overlap [m]
+_STATED = 7.0  # reported variance over the true one, as of spectral registrations
+_LEAST_OVERLAP = 0.25  # smallest overlap of an accepted registration
+_REFUSED = 0.02  # share of the pairs with enough overlap that are refused
+_WRONG = 0.002  # share of the accepted loops that are wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +41,11 @@ class MadeUpSurvey:
     """Scans of a lawnmower path."""
 
     T_world_sensor: RigidTransform  # N poses, the truth
-    scans: tuple[Scan, ...]  # N; their points lie on disk
+    scans: tuple[Scan, ...]  # N; their points are memory-mapped from disk
 
 
 def make_up(folder: Path, count: int, points: int, seed: int) -> MadeUpSurvey:
-    """A survey of `count` scans of `points` points each, which are written to a file in `folder`."""
+    """A survey of `count` scans of `points` points each, stored in a file in `folder`."""
     rng = np.random.default_rng(seed)
     truth = _path(count, rng)
     spooled = np.lib.format.open_memmap(folder / "points.npy", "w+", np.float32, (count, points, 3))
@@ -59,7 +59,7 @@ def make_up(folder: Path, count: int, points: int, seed: int) -> MadeUpSurvey:
 
 
 def _path(count: int, rng: np.random.Generator) -> RigidTransform:
-    """To and fro in lanes, as many as make the place about square; the first pose is the identity."""
+    """Poses along the lanes of an about square area; the first is the identity."""
     per_lane = max(2, round(np.sqrt(count * _LANE / _STEP)))
     lane, along = np.divmod(np.arange(count), per_lane)
     back = lane % 2 == 1
@@ -72,7 +72,7 @@ def _path(count: int, rng: np.random.Generator) -> RigidTransform:
 
 
 def _seen(T: RigidTransform, points: int, rng: np.random.Generator) -> np.ndarray:
-    """(points, 3) float32 [m, sensor frame] of the bed below a pose."""
+    """(points, 3) float32: random points of the bed below a pose [m, sensor frame]."""
     around = rng.uniform(-0.5, 0.5, (points, 2)) * [_LONG, _WIDE]
     R = Rotation.from_euler("Z", T.rotation.as_euler("ZYX")[0])
     xy = (R.apply(np.column_stack([around, np.zeros(points)])) + T.translation)[:, :2]
@@ -81,26 +81,26 @@ def _seen(T: RigidTransform, points: int, rng: np.random.Generator) -> np.ndarra
 
 
 def _bed(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Heights of a bed that nowhere repeats itself within a survey [m]."""
+    """Heights of a bed that does not repeat itself within a survey [m]."""
     waves = ((0.9, 0.11, 0.05), (0.5, -0.31, 0.23), (0.25, 0.71, 0.97), (0.12, -1.9, 1.3))
     return np.sum([size * np.sin(a * x + b * y) for size, a, b in waves], axis=0) - _HEIGHT
 
 
 class MadeUpRegistrar:
-    """Gives the truth of scan0, scan1, ... with errors of the size that it states, which seed and pair decide.
+    """A registrar that returns the true transform with random errors, determined by seed and pair.
 
-    It is seldom wrong, and refuses pairs that share little.
+    It is rarely wrong, and refuses pairs with little overlap.
     """
 
     def __init__(self, T_world_sensor: RigidTransform, seed: int) -> None:
         self._truth, self._seed = T_world_sensor, seed
 
     def prepare(self, scan: Scan) -> int:
-        """The scan's number."""
+        """The number of the scan, from its name "scan0", "scan1", ..."""
         return int(scan.name.removeprefix("scan"))
 
     def register(self, target: int, source: int) -> Registration:
-        """What is made up of a pair."""
+        """The made-up registration of a pair."""
         rng = np.random.default_rng([self._seed, target, source])
         T = self._truth[target].inv() * self._truth[source]
         shared = _shared(T)
@@ -121,25 +121,25 @@ class MadeUpRegistrar:
 
 
 def _shared(T_target_source: RigidTransform) -> float:
-    """The share of the bed that two scans both see, 0..1."""
+    """The overlap of the footprints of two scans, 0..1."""
     x, y, _ = np.abs(T_target_source.translation)
     return float(max(0.0, 1 - x / _LONG) * max(0.0, 1 - y / _WIDE))
 
 
-# Numbers of scans, ascending; points of each scan; edge of the survey's voxels [m]
+# counts: numbers of scans, ascending; points: of each scan; voxel: edge [m]
 _USUAL = {"counts": (1000, 3000, 10_000), "points": 25_000, "seeds": 1, "first_seed": 7, "voxel": 0.5}
 SOURCES = (
     *("slam", "tools/lab/evaluate"),
     "tools/lab/reproduce/scale.py",
 )
-WHOLE = "all"  # the stages
-_PREPARED = 8  # scans that the worker keeps; of these there is nothing to prepare
-_SAMPLED = 0.05  # how often memory is looked at [s]
-_OFF_VOXELS = 3.0  # a kept pair that is farther off is wrong
+WHOLE = "all"  # name of the row for all stages
+_PREPARED = 8  # number of prepared scans that the worker keeps
+_SAMPLED = 0.05  # interval at which memory is measured [s]
+_OFF_VOXELS = 3.0  # largest translation error of a right pair [voxels]
 
 
 def create(request: Request) -> Experiment:
-    """A job is one survey in a new process, as in 7/1000; `quick` is 100 and 200 scans of fewer points."""
+    """A job is one survey in a new process, as 7/1000; `quick` maps 100 and 200 scans of fewer points."""
     settings = as_asked(request, _USUAL, {"counts": (100, 200), "points": 4000})
 
     def run(job: str) -> Outcome:
@@ -153,15 +153,15 @@ def create(request: Request) -> Experiment:
 
 @dataclass(slots=True)
 class _Stages(Timings):
-    """Timings with the processor time of each stage, and the most memory that was taken meanwhile."""
+    """Timings with the processor time and the peak memory of each stage."""
 
     processor: dict[str, float] = field(default_factory=dict[str, float])  # by stage [s]
     memory: dict[str, int] = field(default_factory=dict[str, int])  # by stage [bytes]
-    most: int = 0
+    most: int = 0  # peak memory of the current stage [bytes]
     _begun: float = field(default_factory=time.process_time)
 
     def end_stage(self, name: str) -> None:
-        """As `Timings` does it."""
+        """Record the end of a stage."""
         now = time.process_time()
         self.processor[name] = self.processor.get(name, 0.0) + now - self._begun
         self.memory[name] = max(self.memory.get(name, 0), self.most)
@@ -170,7 +170,7 @@ class _Stages(Timings):
 
 
 def _measure(count: int, seed: int, settings: Settings) -> Outcome:
-    """What comes of one survey, the same on every run; and processor time and memory of every stage and of all."""
+    """Map one survey: a row of its errors, the same on every run, and rows of time and memory by stage and in total."""
     with tempfile.TemporaryDirectory(prefix="sonarmap.") as folder:
         survey = make_up(Path(folder), count, settings.points, seed)
         registrar = MadeUpRegistrar(survey.T_world_sensor, seed)
@@ -190,7 +190,7 @@ def _measure(count: int, seed: int, settings: Settings) -> Outcome:
 
 @contextmanager
 def _memory_watched(stages: _Stages) -> Iterator[None]:
-    """Notes the most memory that is taken, beside what the system holds of files."""
+    """Record the peak of this process's memory, without files, while the block runs."""
     ended = threading.Event()
 
     def watch() -> None:
@@ -207,7 +207,7 @@ def _memory_watched(stages: _Stages) -> Iterator[None]:
 
 
 def _memory() -> int:
-    """What this process holds that is no part of a file [bytes]; where the system does not tell, the most so far."""
+    """Anonymous resident memory of this process [bytes], or the peak memory if the system does not report it."""
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.exists() else []
     line = next((line for line in lines if line.startswith("RssAnon")), None)
@@ -215,7 +215,7 @@ def _memory() -> int:
 
 
 def _outcome(survey: MadeUpSurvey, result: SurveyResult, voxel: float) -> dict[str, Value]:
-    """How far off poses are, and what became of the pairs."""
+    """Cells of the errors of poses, and of the kept and wrong pairs."""
     largest = max(result.components, key=len)
     truth = Trajectory(result.trajectory.stamps, survey.T_world_sensor)
     T, off = survey.T_world_sensor, _OFF_VOXELS * voxel
@@ -231,5 +231,5 @@ def _outcome(survey: MadeUpSurvey, result: SurveyResult, voxel: float) -> dict[s
         "tried_loops": len(loops),
         "kept_loops": sum(pair.kept for pair in loops),
         "wrong_kept": wrong,
-        "map_points": int(np.sum([len(each.points) for each in result.maps])),
+        "map_points": int(np.sum([len(component_map.points) for component_map in result.maps])),
     }

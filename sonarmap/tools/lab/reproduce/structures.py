@@ -1,4 +1,4 @@
-"""Whole structures in a grid that stands still, moved or tilted, under noise of the voxels (Sects. 2.7 and 3)."""
+"""Whole structures that are moved or tilted in a fixed grid, with voxel noise (paper Sects. 2.7 and 3)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,9 +25,9 @@ _TRIANGLES_AT_ONCE = 20_000
 
 
 def surface_points(mesh: Mesh, spacing: float) -> np.ndarray:
-    """Points all over a surface, no farther apart than `spacing` [m], without anything random.
+    """Points all over a surface, at most `spacing` [m] apart, without randomness.
 
-    Returns (N, 3) float32 [m], frame of the scene, the lowest and the highest equally far from z = 0.
+    Returns (N, 3) float32 [m] in the frame of the scene, with z shifted so that its range is centered at 0.
     """
     corners = mesh.vertices[mesh.triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -45,7 +45,7 @@ def surface_points(mesh: Mesh, spacing: float) -> np.ndarray:
 
 
 def occupy(points: np.ndarray, grid: Grid) -> np.ndarray:
-    """Which voxels of a grid about the origin hold one of `points` (N, 3) [m], (edge, edge, edge) bool."""
+    """(edge, edge, edge) bool: the voxels of a grid around the origin that contain any of `points` (N, 3) [m]."""
     cells = np.floor(points / grid.voxel + (grid.edge / 2 + 0.5)).astype(np.int64)
     inside = ((cells >= 0) & (cells < grid.edge)).all(axis=1)
     volume = np.zeros((grid.edge,) * 3, bool)
@@ -54,12 +54,12 @@ def occupy(points: np.ndarray, grid: Grid) -> np.ndarray:
 
 
 def voxel_scan(occupied: np.ndarray, grid: Grid, name: str) -> Scan:
-    """The occupied voxels' centers as a scan whose frame has its origin in the middle of the grid."""
+    """The centers of the occupied voxels as a scan; its frame has its origin at the center of the grid."""
     return Scan(((np.argwhere(occupied) - grid.edge / 2) * grid.voxel).astype(np.float32), name=name)
 
 
 def _barycentric(count: int) -> np.ndarray:
-    """(K, 3) weights of a triangle's corners, on a raster of `count` steps a side."""
+    """(K, 3) barycentric weights of a raster of `count` steps per side of a triangle."""
     i, j = (steps.ravel() for steps in np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij"))
     within = i + j <= count
     first, second = i[within] / count, j[within] / count
@@ -70,11 +70,11 @@ def _barycentric(count: int) -> np.ndarray:
 class VoxelNoise:
     """Uniform noise of a volume (paper Sect. 3, Fig. 11)."""
 
-    swap: float  # share of the region's voxels that are flipped, 0..1
-    envelope: int | None  # how far around the structure the region reaches [voxels]; None: the whole grid
+    swap: float  # share of the voxels in the region that are flipped, 0..1
+    envelope: int | None  # extent of the region around the structure [voxels]; None: the whole grid
 
 
-# The paper's list, Sect. 3: the envelope's two widths and the whole grid, each at two swap ratios
+# The list in Sect. 3 of the paper: two widths of the envelope and the whole grid, each at two swap ratios
 NOISES: MappingProxyType[str, VoxelNoise] = MappingProxyType(
     {
         "D0": VoxelNoise(0.0, 0),
@@ -103,9 +103,9 @@ def swap(occupied: np.ndarray, noise: VoxelNoise, rng: np.random.Generator) -> n
 
 
 def envelope(occupied: np.ndarray, margin: int | None) -> np.ndarray:
-    """The structure and what lies within `margin` voxels of it, a new (N, N, N) bool; None: everywhere.
+    """(N, N, N) bool: the structure and all voxels within `margin` voxels of it; None: all voxels.
 
-    The distance is the largest of the three index differences (Chebyshev).
+    Distances are Chebyshev: the largest of the three index differences.
     """
     if margin is None:
         return np.ones(occupied.shape, bool)
@@ -114,11 +114,11 @@ def envelope(occupied: np.ndarray, margin: int | None) -> np.ndarray:
 
 _USUAL = {"scenes": ("floodgate", "clutter"), "noises": tuple(NOISES), "seeds": 2, "first_seed": 1, "edge": 256}
 _QUICK = {"scenes": ("floodgate",), "seeds": 1}
-# Shifts, in steps of _DIRECTION
+# Lengths of the shifts in units of _DIRECTION
 _TRANSLATION = _USUAL | {"steps": (4, 8, 12, 16, 20, 24, 28, 30, 32, 34, 36, 38, 40, 44, 48, 52, 56, 60)}
-# Turns about the middle of the grid: roll and pitch both of `tilt_deg`
+# Rotations about the center of the grid, with roll and pitch of `tilt_deg`
 _ROTATION = _USUAL | {"noises": ("D0", "D2", "D4", "D6"), "tilt_deg": 10.0, "yaws_deg": tuple(range(8, 89, 8))}
-# Each tilt, of roll, of pitch, and of both at once, under each yaw
+# Every tilt, of roll, of pitch and of both, at every yaw
 _LIMITS = _USUAL | {
     "noises": ("D0",),
     "edge": 128,
@@ -130,21 +130,21 @@ SOURCES = (
     *(f"tools/lab/reproduce/{name}.py" for name in ("registrations", "structures")),
 )
 RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
-_SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void
-_DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z [m]
-_LEAST_COMMON = 0.01  # share of the structure's voxels that stays in the frame
-_FARTHEST = np.deg2rad(60.0)  # bound of roll and pitch, so wide that it does not help
+_SPACING = 0.7  # of the surface's points [voxels]; they miss hardly any voxel that it crosses
+_DIRECTION = np.array([1.0, 2.0, 3.0])  # of all shifts, x, y, z [m]
+_LEAST_COMMON = 0.01  # smallest share of the structure's voxels that stay in the grid
+_FARTHEST = np.deg2rad(60.0)  # bound of roll and pitch, too wide to help
 
 
 def create_translation(request: Request) -> Experiment:
-    """Structures shifted out of the frame (Figs. 12, 14, 15)."""
+    """Structures shifted out of the grid (Figs. 12, 14, 15)."""
     settings = as_asked(request, _TRANSLATION, _QUICK | {"noises": ("D0", "D4", "D6"), "steps": (16, 30, 40)})
     shifts = [RigidTransform.from_translation(step * _DIRECTION) for step in settings.steps]
     return _moved("translation", settings, request.opened, shifts)
 
 
 def create_rotation(request: Request) -> Experiment:
-    """Structures turned (Figs. 16, 17)."""
+    """Rotated structures (Figs. 16, 17)."""
     settings = as_asked(request, _ROTATION, _QUICK | {"noises": ("D0", "D4"), "yaws_deg": (8, 32, 64, 88)})
     angles = [(yaw, settings.tilt_deg, settings.tilt_deg) for yaw in settings.yaws_deg]
     turns = [RigidTransform.from_rotation(Rotation.from_euler("ZYX", turn, degrees=True)) for turn in angles]
@@ -152,7 +152,7 @@ def create_rotation(request: Request) -> Experiment:
 
 
 def create_limits(request: Request) -> Experiment:
-    """What the resampling is off by under tilt (Figs. 7 to 9)."""
+    """Errors of the resampling under tilt (Figs. 7 to 9)."""
     settings = as_asked(request, _LIMITS, _QUICK | {"tilts_deg": (10.0, 20.0, 35.0), "yaws_deg": (-40.0, 40.0)})
     kinds = ("none", "roll", "pitch", "both")
     jobs = [f"{scene}/{seed}/{kind}" for scene, seed in _structures(settings) for kind in kinds]
@@ -160,7 +160,7 @@ def create_limits(request: Request) -> Experiment:
 
 
 class _Structures:
-    """The paper's registration of structures as voxels of the grid, which is the frame that they move out of."""
+    """The paper's registration of structures that are voxels of a fixed grid, which they can leave."""
 
     def __init__(self, settings: Settings, device: Device) -> None:
         self.device, self.grid = device, paper_grid(settings.edge)
@@ -171,11 +171,11 @@ class _Structures:
         return HemisphereRegistrar(self.device, self.grid, HemisphereConfig(centered=False))
 
     def points(self, scene: str, seed: int) -> np.ndarray:
-        """(N, 3) float64 [m] all over a scene's surfaces, dense enough for the grid's voxels."""
+        """(N, 3) float64 points all over a scene's surfaces, dense enough for the grid's voxels [m]."""
         return _surface(scene, seed, _SPACING * self.grid.voxel)
 
     def prepare(self, points: np.ndarray, noise: str, seeds: Sequence[int]) -> LayeredScan:
-        """Points as voxels with noise, which the seeds decide."""
+        """The prepared scan of points as voxels, with noise determined by the seeds."""
         rng = np.random.default_rng(np.random.SeedSequence(seeds))
         occupied = swap(occupy(points, self.grid), NOISES[noise], rng)
         return self.registrar.prepare(voxel_scan(occupied, self.grid, noise))
@@ -187,19 +187,19 @@ def _surface(scene: str, seed: int, spacing: float) -> np.ndarray:
 
 
 def _structures(settings: Settings) -> list[tuple[str, int]]:
-    """Every scene with every seed."""
+    """All combinations of scene and seed."""
     return [(scene, seed) for scene in settings.scenes for seed in all_seeds(settings)]
 
 
 def _moved(name: str, settings: Settings, device: Device, motions: Sequence[RigidTransform]) -> Experiment:
-    """Every motion, a T_target_source, of every structure under every noise, as in "floodgate/D0/1"."""
+    """An experiment on every motion T_target_source; a job is a structure with a noise, as floodgate/D0/1."""
     jobs = [f"{scene}/{noise}/{seed}" for scene, seed in _structures(settings) for noise in settings.noises]
     structures = _Structures(settings, device)
 
     def run(job: str) -> Outcome:
-        """Register the structure at rest (source) to the same one moved (target), each with noise of its own.
+        """Register the structure at rest (source) to the moved structure (target), each with its own noise.
 
-        A motion that moves it out of the frame, but for a hundredth, is passed over: nothing is left to register.
+        Motions after which less than _LEAST_COMMON of the structure is in the grid are skipped.
         """
         scene, noise, number = job.split("/")
         seed, grid = int(number), structures.grid
@@ -243,7 +243,7 @@ def _moved_cells(truth: RigidTransform, registration: Registration, voxel: float
 
 
 def _tilting(settings: Settings, device: Device) -> Callable[[str], Outcome]:
-    """Runs a job of the limits, as "floodgate/1/both": all tilts of one kind under all yaws."""
+    """A function that runs a job of the limits, as floodgate/1/both: all tilts of one kind at all yaws."""
     structures = _Structures(settings, device)
 
     def run(job: str) -> Outcome:
@@ -265,7 +265,7 @@ def _tilting(settings: Settings, device: Device) -> Callable[[str], Outcome]:
 
 
 def _steps(structures: _Structures, target: LayeredScan, source: LayeredScan, truth: Rotation) -> dict[str, float]:
-    """Each step for itself: yaw as it is read off first, roll and pitch with yaw known, and the whole chain."""
+    """Cells of the errors of each step alone: yaw first, roll and pitch at the true yaw, and of the whole chain."""
     registrar = structures.registrar
     true_yaw = truth.as_euler("ZYX", degrees=True)[0]
     yaw = registrar.hemisphere.yaws(target.layers, source.layers)[0]

@@ -1,6 +1,6 @@
-"""Whole surveys, mapped: how far off poses and maps are, what became of right and wrong pairs, what it takes.
+"""Maps of whole surveys: errors of poses and maps, right and wrong pairs, time and memory.
 
-And surveys mapped again by other thresholds of the graph, from registrations that a folder keeps.
+`create_decisions` maps surveys with other thresholds of the graph, from registrations that a folder keeps.
 """
 
 from collections.abc import Mapping
@@ -29,10 +29,10 @@ _USUAL = {
     "first_seed": 5,
     "counts": (50, 100, 200),  # scans of each survey
     "dive": 60,  # scans of each of two dives over one place; 0 for none
-    "unusable": 0.03,  # share of the scans that show nothing of the scene
-    "edge": 128,  # voxels per edge, whose size is chosen for the survey
+    "unusable": 0.03,  # share of the scans without echoes of the scene
+    "edge": 128,  # voxels per edge; the voxel fits the survey
 }
-_ORDER = (2, 1)  # of the dives, as they are given to the mapper
+_ORDER = (2, 1)  # in which the mapper gets the dives
 SOURCES = (
     *("slam", "tools/lab/simulate", "tools/lab/evaluate", "tools/products/output", *ALL_METHODS),
     *(f"tools/lab/reproduce/{name}.py" for name in ("survey", "survey_mapped", "survey_rows")),
@@ -40,8 +40,8 @@ SOURCES = (
 
 
 def create(request: Request) -> Experiment:
-    """A job is a survey by one system, as in floodgate-5/200/sonarmap, or two dives, as in floodgate-5/dives; other
-    systems map the longest survey alone. `quick` is twelve scans on half the voxels, without other systems."""
+    """A job is a survey by one system, as floodgate-5/200/sonarmap, or two dives, as floodgate-5/dives; other systems
+    only map the longest survey. `quick` maps twelve scans on a grid of half the edge, without other systems."""
     left_out = () if request.quick else tuple(system for system in PEERS if not installed(system))
     systems = {"systems": tuple(name for name in SYSTEMS if name not in left_out), "left_out": left_out}
     quick = {"counts": (12,), "dive": 0, "edge": 64, "systems": (OURS,)}
@@ -49,7 +49,7 @@ def create(request: Request) -> Experiment:
 
     @lru_cache(maxsize=1)
     def survey_of(kind: str) -> SimulatedSurvey:
-        """The scans of a kind of job, kept for the next system."""
+        """The survey of a job, cached for the next system."""
         named = _named(kind)
         dives = _ORDER if named["survey"] == DIVES else (1,)
         count = settings.dive if named["survey"] == DIVES else int(named["survey"])
@@ -70,20 +70,20 @@ def create(request: Request) -> Experiment:
     for seed in all_seeds(settings):
         begin, longest = f"{settings.scene}-{seed}", max(settings.counts)
         for count in settings.counts:
-            jobs += [f"{begin}/{count}/{each}" for each in settings.systems if each == OURS or count == longest]
+            jobs += [f"{begin}/{count}/{name}" for name in settings.systems if name == OURS or count == longest]
         jobs += [f"{begin}/{DIVES}"] if settings.dive else []
     return Experiment("survey", settings, jobs, run, SOURCES)
 
 
 def _named(kind: str) -> dict[str, Value]:
-    """What a job is about: "survey" is the number of its scans, or DIVES."""
+    """Cells that identify a job; "survey" is the number of its scans, or DIVES."""
     place, survey = kind.split("/")
     scene, _, seed = place.rpartition("-")
     return {"scene": scene, "seed": int(seed), "survey": survey}
 
 
 def _seconds(took: Mapping[str, float], scans: int) -> dict[str, Value]:
-    """NaN for what a system does not tell."""
+    """Cells of times and memory; NaN for times that a system does not report."""
     total, *parts = (took.get(stage, float("nan")) for stage in STAGES)
     times = {f"{stage}_s": seconds for stage, seconds in zip(STAGES[1:], parts, strict=True)}
     memory = took["memory"] / 2**20
@@ -91,7 +91,7 @@ def _seconds(took: Mapping[str, float], scans: int) -> dict[str, Value]:
 
 
 _DECISIONS = {"scenes": ROUGH_SCENES, "seeds": 5, "first_seed": 7202, "scans": 24, "edge": 128}
-USUAL = "as usual"
+USUAL = "as usual"  # the rule of the default settings
 RULES: Mapping[str, LoopSettings] = MappingProxyType(
     {
         USUAL: LoopSettings(),
@@ -107,16 +107,16 @@ _DECISIONS_SOURCES = (
 
 
 def create_decisions(request: Request) -> Experiment:
-    """A job is a survey by every rule, as in wreck-7202; the folder holds a journal of each survey, or gets it.
+    """A job is a survey by every rule, as wreck-7202; its journal is read from the folder, or created there.
 
-    `quick` is six scans of a wreck on half the voxels.
+    `quick` maps six scans of a wreck on a grid of half the edge.
     """
     settings = as_asked(request, _DECISIONS, {"scenes": ("wreck",), "seeds": 1, "scans": 6, "edge": 64})
     folder, planned = request.chosen_folder, list[SpectralRegistrar]()
 
     def row(survey: SimulatedSurvey, rule: str, journal: Journal) -> Row:
         setup = Setup(survey_grid(survey.scans, settings.edge), request.opened.selector)
-        if not planned:  # its tables are planned once
+        if not planned:  # the registrar's tables are computed once
             planned.append(SpectralRegistrar(choose_device(setup.device), setup.grid))
         registrar = planned[0].with_voxel(setup.grid.voxel)
         key = method_key(DEFAULT_METHOD, setup, registrar)

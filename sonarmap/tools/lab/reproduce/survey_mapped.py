@@ -1,4 +1,4 @@
-"""A survey mapped by one system, in a process of its own, so that its memory is the system's alone."""
+"""Maps a survey by one system, in a separate process to measure its memory."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -27,36 +27,36 @@ SYSTEMS = (OURS, *PEERS)
 
 @dataclass(frozen=True, slots=True)
 class MappedSurvey:
-    """What a system made of a survey."""
+    """A system's result for a survey."""
 
     placed: tuple[int, ...]  # the scans of its largest component, ascending
-    trajectory: Trajectory  # the poses of the placed scans, in a frame of their own; stamps count the survey's scans
-    pairs: tuple[TriedPair, ...]  # all that were tried, as the scans' numbers
-    points: np.ndarray  # (M, 3) [m], of the map in the trajectory's frame
-    seen: np.ndarray  # (M,) int, how many scans saw each
-    # wall time from the first scan to the last result, and parts of it [s], with `STAGES` as names; and "memory", the
-    # most that its process had resident [bytes]
+    trajectory: Trajectory  # poses of the placed scans in an arbitrary frame; stamps are the scans' numbers
+    pairs: tuple[TriedPair, ...]  # all tried pairs, by the scans' numbers
+    points: np.ndarray  # (M, 3) of the map, in the trajectory's frame [m]
+    seen: np.ndarray  # (M,) int, number of scans that saw each point
+    # wall time by `STAGES` [s], "total" from the first scan to the last result; and "memory", the peak resident memory
+    # of the process [bytes]
     took: Mapping[str, float]
-    components: int = 1  # how many have two scans or more
-    chained: Trajectory | None = None  # the same before loops; None of a system that does not tell
-    # (n, 6, 6) of the poses against the first of them, rotation first [rad, m], body tangent; None likewise
+    components: int = 1  # number of components of two or more scans
+    chained: Trajectory | None = None  # the same poses before loop closure; None if the system does not return them
+    # (n, 6, 6) of the poses relative to the first, rotation first [rad, m], body tangent; None if not returned
     covariances: np.ndarray | None = None
-    # how far tracks that cross lie apart, the median of their medians [m], before and after the loops
+    # distances between crossing tracks, the median of their medians [m], before and after loop closure
     crossings: tuple[float, float] = (float("nan"), float("nan"))
-    signatures: Mapping[int, np.ndarray] = field(default_factory=dict)  # by scan, of those that have one
+    signatures: Mapping[int, np.ndarray] = field(default_factory=dict)  # by the number of the scan
 
 
-# The times of a system; "optimizing" is all the rest, with the choice of loops
+# Names of a system's times; "optimizing" is the remainder, including the choice of loops
 STAGES = ("total", "registering", "signing", "optimizing", "fusing")
 
 
 def map_survey(
     system: str, scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None
 ) -> MappedSurvey:
-    """Map a survey by one of SYSTEMS in a new process, from scans in their order with stamps that count them from 0.
+    """Map a survey by one of SYSTEMS in a new process; the stamps of the scans have to be 0, 1, 2, ...
 
-    `surveys` are the numbers of the scans' surveys, ascending; of the grid, other systems take the voxel alone. Raises
-    InputError, DeviceError: the scans, the package or the device will not do.
+    `surveys` are the ascending numbers of the scans' surveys. Other systems than ours use only the voxel of the grid.
+    Raises InputError, DeviceError: the scans, the package or the device cannot be used.
     """
     with spawned(1) as pool:
         if system == OURS:
@@ -65,7 +65,7 @@ def map_survey(
 
 
 def installed(system: str) -> bool:
-    """Whether a system's package is there, where it needs one."""
+    """Whether the package of a system is installed; true if it needs none."""
     from sonarmap.tools.extras import load_package
 
     if system != "kiss-slam":
@@ -78,7 +78,7 @@ def installed(system: str) -> bool:
 
 
 def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> MappedSurvey:
-    """As `sonarmap map` does it with nothing but defaults, in this process."""
+    """Map as `sonarmap map` does with default settings, in this process."""
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.slam.execute.runner import Execution
     from sonarmap.slam.execute.worker import Job, PairJob, Sources, TimedText, Worker, prepared_limit
@@ -102,7 +102,7 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
     start = perf_counter()
     result = Mapper(registrar, grid.voxel, execution=execution).run(scans, surveys=surveys)
     took["total"], took["memory"] = perf_counter() - start, peak_memory()
-    # the stage of fusing computes the poses' covariances too, which are the optimizer's work and timed anew here
+    # fusing also computes the poses' covariances, whose time is measured here to count it as optimizing
     start = perf_counter()
     pose_covariances(result.solution)
     took["fusing"] = max(0.0, execution.timings.stages["map fused"] - (perf_counter() - start))
@@ -111,7 +111,7 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
 
 
 def mapped_of(result: "SurveyResult") -> MappedSurvey:
-    """What this project's mapper made, without times and signatures."""
+    """The result of our mapper, without times and signatures."""
     from sonarmap.slam.parts import placed
 
     largest = placed(result.components)[0]
@@ -132,13 +132,13 @@ def mapped_of(result: "SurveyResult") -> MappedSurvey:
 
 
 def _tried(pair: "Pair") -> TriedPair:
-    """With the answer that was kept, where it is not the registration's first."""
+    """A pair with the transform of its edge, if it has one, else of its registration."""
     answer = pair.edge.registration if pair.edge else pair.registration
     return TriedPair(pair.i, pair.j, pair.role, pair.kept, answer.T_target_source if answer else None)
 
 
 def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[int, np.ndarray]:
-    """Of the scans that show enough, by their number."""
+    """Signatures by the number of the scan; scans with too few points have none."""
     signatures = {}
     for k, scan in enumerate(scans):
         with suppress(InputError):
@@ -147,7 +147,7 @@ def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[i
 
 
 def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
-    """Another system's poses, and the map that this project's fusing makes with them."""
+    """Map by another system, and fuse the points at its poses as our mapper does."""
     from sonarmap.slam.map.component_maps import clean_map
     from sonarmap.slam.map.placed import PlacedScans
     from sonarmap.tools.files.memory import peak_memory

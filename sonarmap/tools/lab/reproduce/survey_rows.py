@@ -1,4 +1,4 @@
-"""Simulated surveys, and the result of a system on one against the truth: a row of numbers, and one for each pose."""
+"""Simulated surveys, and the rows of a system's errors on a survey: one for the map, and one per pose."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distan
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 from sonarmap.tools.lab.simulate.simulation import simulate
 
-MAP, POSE = "map", "pose"  # of the column "row"
+MAP, POSE = "map", "pose"  # values of the column "row"
 ROLES = ("sequential", "bridge", "loop")
 BETWEEN = "between"  # pairs of different dives, whatever their role
 FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
@@ -32,11 +32,11 @@ _NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class SimulatedSurvey:
-    """N scans, and what is true of them."""
+    """N simulated scans, and the ground truth."""
 
-    scans: tuple[Scan, ...]  # one dive's after another's; their stamps count them from 0
-    truth: Trajectory  # their poses; the world is the scene's frame, East-North-Up
-    dives: np.ndarray  # (N,) int, the number of the survey of each scan, as given to the mapper
+    scans: tuple[Scan, ...]  # in order of the dives; the stamps are 0, 1, 2, ...
+    truth: Trajectory  # true poses; the world is the scene's frame, East-North-Up
+    dives: np.ndarray  # (N,) int, the number of each scan's survey, as given to the mapper
     unusable: frozenset[int]  # the scans that show nothing of the scene
     mesh: Mesh  # the scene's true surface [m, world]
 
@@ -51,15 +51,15 @@ def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: S
         scans=tuple(replace(scan, stamp=float(k), name=f"scan_{k:03d}") for k, scan in enumerate(scans)),
         truth=Trajectory(np.arange(len(scans), dtype=np.float64), poses),
         dives=np.repeat(np.arange(len(done)), count),
-        unusable=frozenset(number + k * count for k, each in enumerate(done) for number in each.faults),
+        unusable=frozenset(number + k * count for k, simulation in enumerate(done) for number in simulation.faults),
         mesh=build_scene(scene, seed).mesh,
     )
 
 
 def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
-    """All rows of what one system made of a survey, with voxels of this edge [m].
+    """All rows of a system's result for a survey with voxels of this edge [m].
 
-    Trajectories are aligned over the usable scans; a map also contains other scans that the system places.
+    Trajectories are aligned over the usable scans; a map also contains unusable scans that the system places.
     """
     before, after = _evaluated(survey, mapped)
     row = {"row": MAP} | estimate_cells(survey, mapped, voxel)
@@ -68,15 +68,15 @@ def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> 
 
 
 def estimate_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
-    """What poses and pairs are worth, as the first cells of `survey_rows`."""
+    """Cells of the errors of poses and pairs, as at the start of the row of the map."""
     before, after = _evaluated(survey, mapped)
     cells = _placed(survey, mapped, len(after.stamps)) | {"voxel_m": voxel} | _errors(before, after, voxel)
     return cells | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
 
 
 def _evaluated(survey: SimulatedSurvey, mapped: MappedSurvey) -> tuple[Evaluation | None, Evaluation]:
-    """Before loops, where that is known, and after."""
-    usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
+    """The evaluations of the trajectories before loop closure (None if unknown) and after."""
+    usable = [k for k, scan in enumerate(mapped.placed) if scan not in survey.unusable]
     after = evaluate(mapped.trajectory.take(usable), survey.truth)
     return None if mapped.chained is None else evaluate(mapped.chained.take(usable), survey.truth), after
 
@@ -110,7 +110,7 @@ def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Val
 
 
 def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
-    """Pairs with an unusable scan that have a part in the estimate are wrong, whatever they measured."""
+    """Cells of right and wrong pairs by role; kept pairs with an unusable scan are counted separately."""
     usable = [k for k in range(len(survey.scans)) if k not in survey.unusable]
     truth = {k: survey.truth.T_world_sensor[k] for k in usable}
     chosen = {role: [pair for pair in mapped.pairs if pair.role == role] for role in ROLES}
@@ -125,7 +125,7 @@ def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[
 
 
 def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel: float) -> dict[str, Value]:
-    """Of all points, and of those that two scans or more saw: stray echoes are seen once."""
+    """Cells of the map's errors, for all points and for those that several scans saw, which excludes stray echoes."""
     surface = Reference("the true surface", "surface", lambda points: surface_distance(survey.mesh, points))
     cells: dict[str, Value] = {}
     for name, points in (("map", mapped.points), ("map_twice", mapped.points[mapped.seen >= 2])):
@@ -137,7 +137,7 @@ def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel
 
 
 def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
-    """Of the scans that have a signature; those without can neither be found nor find."""
+    """Cells of the recall of revisits, among the scans that have a signature."""
     signed = sorted(mapped.signatures)
     shares, count = [_NAN] * len(AMONG), 0
     if signed:
@@ -149,7 +149,7 @@ def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict
 
 
 def _poses(before: Evaluation | None, after: Evaluation) -> list[Row]:
-    """Where each usable scan is, aligned, and where it truly is [m]."""
+    """A row per usable scan with its aligned estimated positions and its true position [m]."""
     trajectories = {"true": after.T_true, "after": after.T_aligned} | ({"before": before.T_aligned} if before else {})
     places = {name: T.translation.tolist() for name, T in trajectories.items()}
     return [
@@ -159,14 +159,14 @@ def _poses(before: Evaluation | None, after: Evaluation) -> list[Row]:
     ]
 
 
-OVERLAP = 0.4  # of a revisit with the scan, by the true poses, at least
-GAP = 5  # scans between the two, at least
-AMONG = (1, 5, 10)
+OVERLAP = 0.4  # smallest overlap of a scan with its revisit at the true poses
+GAP = 5  # the indices of a scan and its revisit differ by more than this
+AMONG = (1, 5, 10)  # numbers of candidates for which recall is computed
 
 
 def revisits(scans: Sequence[Scan], truth: RigidTransform, voxel: float) -> np.ndarray:
-    """(N, N) bool, whether two of N scans, in the order in which they were taken, see one place again; the voxel is the
-    survey's [m]."""
+    """(N, N) bool: whether two of N scans, in the order of the survey, see the same place at different times; `voxel`
+    is the survey's [m]."""
     cell = LoopSettings().cell_voxels * voxel
     pairs, _ = overlapping([outline(scan, cell) for scan in scans], truth, cell, OVERLAP)
     i, j = pairs[pairs[:, 1] - pairs[:, 0] > GAP].T
@@ -176,15 +176,15 @@ def revisits(scans: Sequence[Scan], truth: RigidTransform, voxel: float) -> np.n
 
 
 def recall(index: np.ndarray, again: np.ndarray) -> list[float]:
-    """Of the scans with a revisit (`again`), the share with one among the first 1, 5 and 10; NaN where no scan has one.
+    """Share of the scans with a revisit (`again`) that have one among their first 1, 5, 10 candidates; NaN without any.
 
-    `index` (N, 10) are the scans most similar to each, best first, -1 where there are no more.
+    `index` (N, 10) has the candidates of each scan, the most similar first, and -1 for missing ones.
     """
     right = hits(index, again)
     return [float(right[:, :k].any(axis=1).mean()) if len(right) else float("nan") for k in AMONG]
 
 
 def hits(index: np.ndarray, again: np.ndarray) -> np.ndarray:
-    """(M, 10) bool, whether these are revisits, of the M scans that have one."""
+    """(M, 10) bool: whether each candidate is a revisit, for the M scans that have one."""
     right = np.take_along_axis(again, np.maximum(index, 0), axis=1) & (index >= 0)
     return right[again.any(axis=1)]

@@ -1,4 +1,4 @@
-"""What is shown of the rows of each experiment: its tables. Changing them makes no job run again."""
+"""The tables of each experiment. A change of a table does not cause jobs to be run again."""
 
 from collections.abc import Callable, Mapping
 from itertools import pairwise
@@ -26,7 +26,7 @@ from sonarmap.tools.lab.reproduce.survey import USUAL
 from sonarmap.tools.lab.reproduce.survey_rows import BETWEEN, FATES, ROLES
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 
-# Normalized squared errors that 95 % of the truths lie below if covariances are right (their mean is then 6)
+# With correct covariances, 95 % of the normalized squared errors are below this quantile, and their mean is 6
 INSIDE = f"nees <= {chi2.ppf(0.95, 6):.9f}"
 CALIBRATION: Mapping[str, Cell] = {
     "right, with a covariance": count("right and nees == nees"),
@@ -39,21 +39,21 @@ _SECONDS: Mapping[str, Cell] = {"median [s]": number("seconds", 2), "most [s]": 
 
 
 def with_bins(frame: Frame, column: str, bounds: tuple[float, ...], name: str) -> Frame:
-    """The rows with a further column, between which bounds a number lies, and ordered by it; the first bound is left
-    out, the last is not."""
+    """The rows ordered by a new column `name`, the bin of a number between `bounds`; bins exclude their lower bound and
+    include the upper one. Rows outside of all bins are dropped."""
     labels = [f"{max(low, 0):g}..{high:g}" for low, high in pairwise(bounds)]
     bins = pd.cut(frame[column], list(bounds), labels=labels)
     return frame.assign(**{name: bins}).dropna(subset=[name]).sort_values(name, kind="stable")
 
 
 def overlaps(frame: Frame) -> Frame:
-    """Pairs that share something, by how much they share."""
+    """Rows of overlapping pairs, binned by their overlap."""
     some = where(frame, "set == 'overlap'")
     return some if some.empty else with_bins(some, "shared", (0, 0.2, 0.4, 0.6, 0.8, 1.0), "overlap shared")
 
 
 def reported(frame: Frame) -> Frame:
-    """Ours, by the probability that it reports."""
+    """Rows of our method, binned by the reported probability."""
     some = where(frame, f"set == 'overlap' and method == '{OURS}'")
     bounds = (-1e-9, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
     return some if some.empty else with_bins(some, "probability", bounds, "reported probability")
@@ -138,19 +138,19 @@ PAIRS = (
     ),
 )
 
-NOT_FLAT = "relief != 'flat'"  # flat scenes cannot fix a pose
+NOT_FLAT = "relief != 'flat'"  # flat scenes do not constrain a pose
 
 
 def outcome(frame: Frame) -> str:
-    """Right, accepted of the right, and how many are wrong and accepted, as in "93 %, 88 %, 1"."""
+    """Share right, share accepted of the right, and number wrong and accepted, as in "93 %, 88 %, 1"."""
     right = where(frame, "right")
     accepted = f"{100 * len(where(right, 'accepted')) / len(right):.0f} %" if len(right) else DASH
     return f"{100 * len(right) / len(frame):.0f} %, {accepted}, {len(where(frame, 'accepted and not right'))}"
 
 
 def worst_first(frame: Frame) -> Frame:
-    """The rows without those that know navigation, the kind with the least share right first; and a column of what each
-    method was given."""
+    """The rows without navigation, ordered by the share right of our method per kind, lowest first; the new column
+    `given` has the method and its priors."""
     some = where(frame, "priors != 'navigation'")
     ours = where(some, f"{NOT_FLAT} and method == '{OURS}'")
     shares = (where(some, NOT_FLAT) if ours.empty else ours).groupby("kind")["right"].mean()
@@ -161,14 +161,14 @@ def worst_first(frame: Frame) -> Frame:
 
 def expected_error(frame: Frame) -> float:
     """The expected calibration error of the probability (Guo et al., ICML 2017, arXiv 1706.04599), ten equal bins: the
-    mean, over registrations, of how far the mean probability of a bin is from the share right in it."""
+    absolute difference of mean probability and share right in a bin, averaged over the registrations."""
     rated = frame.dropna(subset=["probability"])
     off = rated["right"].astype(float) - rated["probability"]
     return float(off.groupby(_tenths(rated["probability"])).sum().abs().sum() / len(rated)) if len(rated) else np.nan
 
 
 def usual_error(frame: Frame) -> float:
-    """The mean expected calibration error of exact probabilities like these: what so few registrations leave."""
+    """The mean expected calibration error of exact probabilities of the same values, due to the sample's size alone."""
     p = frame["probability"].dropna().to_numpy()
     if not len(p):
         return np.nan
@@ -194,8 +194,8 @@ REPORTED: Mapping[str, Cell] = {
 
 
 def directions(frame: Frame) -> Frame:
-    """Of swaths with navigation, a row of each of the three directions; it is fixed where its standard deviation is
-    below a third of navigation's."""
+    """A row for each of the three directions of swaths with navigation; a direction is fixed if its standard deviation
+    is below a third of navigation's."""
     some = where(frame, f"priors == 'navigation' and method == '{OURS}'")
     names = ("sigma_m", "navigation_sigma_m", "error_m", "navigation_error_m")
     parts = [
@@ -256,13 +256,13 @@ KINDS = (
 
 
 def _given(frame: Frame) -> Frame:
-    """Real pairs, with a column of what each method was given."""
+    """Real pairs with a new column `given`, which has the method and its priors."""
     known = frame["method"].where(frame["known"] == "nothing", frame["method"] + ", known: " + frame["known"])
     return frame.assign(given=known)
 
 
 def _of_pair(frame: Frame) -> str:
-    """One registration, or how many of several draws are right and accepted."""
+    """The result of one registration, or the numbers of right and accepted ones of several draws."""
     if len(frame) > 1:
         return f"{len(where(frame, 'right'))} of {len(frame)}; {len(where(frame, 'accepted'))} accepted"
     row = frame.iloc[0]
@@ -380,7 +380,7 @@ def _sum(frame: Frame, *fates: str) -> int:
 
 
 def _in_ellipsoids(frame: Frame) -> str:
-    """The share of poses in their ellipsoids, over all surveys."""
+    """The share of poses within their 95 % ellipsoids, over all surveys."""
     return f"{100 * np.average(frame['within_95'], weights=frame['placed'] - 1):.1f} %"
 
 

@@ -71,7 +71,7 @@ class TestCommand:
         assert "stopped: finished jobs are kept in" in shown.stderr
         monkeypatch.setattr(fake_experiment, "create", lambda _: fake())
         shown = reproduce("fake", "-o", str(tmp_path))
-        assert "going on: 3 of 5 jobs were done" in shown.stderr
+        assert "continuing: 3 of 5 jobs were done" in shown.stderr
         assert files_in(tmp_path) == FILES
 
     @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ class TestStopping:
         resumed, said = complete(tmp_path / "killed")
         undisturbed, _ = complete(tmp_path / "whole")
         assert (resumed, undisturbed) == (["d", "e"], list(JOBS))
-        assert said == ["fake: going on: 3 of 5 jobs were done"]
+        assert said == ["fake: continuing: 3 of 5 jobs were done"]
         assert bytes_of(tmp_path / "killed") == bytes_of(tmp_path / "whole")
 
     def test_jobs_that_are_done_are_not_run_again_but_with_fresh_which_leaves_others(self, tmp_path: Path) -> None:
