@@ -63,14 +63,14 @@ class FeatureRegistrar(PointRegistrar):
         # Open3D has one global generator; seeding it here discards its earlier state. The seed is a 32-bit integer.
         o3d.utility.random.seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0] % 2**31))
         r, reach = o3d.pipelines.registration, MATCH_REACH * self.voxel
-        given = to_open3d(source), to_open3d(target), source.extra, target.extra
+        inputs = to_open3d(source), to_open3d(target), source.extra, target.extra
         with one_thread():
             if self.solver == "fgr":
                 options = r.FastGlobalRegistrationOption(maximum_correspondence_distance=reach)
-                result = r.registration_fgr_based_on_feature_matching(*given, options)
+                result = r.registration_fgr_based_on_feature_matching(*inputs, options)
             else:
                 result = r.registration_ransac_based_on_feature_matching(
-                    *given,
+                    *inputs,
                     True,  # only mutual matches
                     reach,
                     r.TransformationEstimationPointToPoint(False),

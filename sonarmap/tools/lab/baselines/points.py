@@ -218,12 +218,12 @@ def covariance(target: ThinnedCloud, source: ThinnedCloud, T_target_source: Rigi
     distance, nearest = target.tree.query(moved, distance_upper_bound=REACH * voxel)
     near = np.isfinite(distance)
     normals = target.normals[nearest[near]]
-    off = np.sum(normals * (moved[near] - target.points[nearest[near]]), axis=1)
+    residuals = np.sum(normals * (moved[near] - target.points[nearest[near]]), axis=1)
     # about the middle of the points: n . (R (w x p + v)) = w . (p x m) + v . m with m = R^T n
     turned = T_target_source.rotation.inv().apply(normals) if len(normals) else normals
     middle = source.points.mean(axis=0)
     J = np.hstack([np.cross(source.points[near] - middle, turned), turned])
-    variance = max(float(np.mean(off**2)) if len(off) else 0.0, (_LEAST_SIGMA * voxel) ** 2)
+    variance = max(float(np.mean(residuals**2)) if len(residuals) else 0.0, (_LEAST_SIGMA * voxel) ** 2)
     extent = float(np.linalg.norm(np.ptp(source.points, axis=0)))
     unknown = np.diag(np.repeat([np.pi, extent], 3) ** -2.0)
     about_middle = np.linalg.inv(J.T @ J / (variance * _CORRELATED) + unknown)

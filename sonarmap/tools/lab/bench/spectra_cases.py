@@ -150,8 +150,8 @@ def find_peaks_case(w: Workload) -> KernelCase:
 
 def fft_peers(w: Workload, inverse: bool) -> list[Peer]:
     """The installed ones of FFTW (planned by measuring, with the threads of the twins) and VkFFT on the same device."""
-    made = [_pyfftw(w, inverse)] if find_spec("pyfftw") else []
-    return made + ([_pyvkfft(w, inverse)] if find_spec("pyvkfft") else [])
+    peers = [_pyfftw(w, inverse)] if find_spec("pyfftw") else []
+    return peers + ([_pyvkfft(w, inverse)] if find_spec("pyvkfft") else [])
 
 
 def peer_versions() -> dict[str, str]:
@@ -166,20 +166,20 @@ def _pyfftw(w: Workload, inverse: bool) -> Peer:
 
     volume = pyfftw.empty_aligned(w.volume.shape, np.float32)
     spectrum = pyfftw.empty_aligned(w.spectrum.shape, np.complex64)
-    given, made, source = (spectrum, volume, w.spectrum) if inverse else (volume, spectrum, w.volume)
+    input_array, output_array, source = (spectrum, volume, w.spectrum) if inverse else (volume, spectrum, w.volume)
     plan = pyfftw.FFTW(
-        given,
-        made,
+        input_array,
+        output_array,
         axes=(0, 1, 2),
         direction="FFTW_BACKWARD" if inverse else "FFTW_FORWARD",
         flags=("FFTW_MEASURE",),
         threads=w.cores,
     )
-    given[:] = source  # planning overwrites input and output
+    input_array[:] = source  # planning overwrites input and output
 
     def restore() -> None:
         if inverse:  # the inverse overwrites its input
-            given[:] = source
+            input_array[:] = source
 
     wanted = w.volume if inverse else w.spectrum
     if not np.linalg.norm(plan() - wanted) <= 1e-5 * np.linalg.norm(wanted):
@@ -193,12 +193,12 @@ def _pyvkfft(w: Workload, inverse: bool) -> Peer:
     app_class = import_module("pyvkfft.opencl").VkFFTApp
     queue = w.device.queue
     app = app_class(w.volume.shape, np.float32, queue, r2c=True, inplace=False)
-    given = w.upload(w.spectrum if inverse else w.volume)
-    made = w.device.empty(w.volume.shape, np.float32) if inverse else w.device.empty(w.spectrum.shape, np.complex64)
+    input_array = w.upload(w.spectrum if inverse else w.volume)
+    output = w.device.empty(w.volume.shape, np.float32) if inverse else w.device.empty(w.spectrum.shape, np.complex64)
     work = app.ifft if inverse else app.fft
 
     def run() -> None:
-        work(given, made)
+        work(input_array, output)
         queue.finish()
 
-    return Peer("pyvkfft", run, (lambda: given.set(w.spectrum)) if inverse else (lambda: None))
+    return Peer("pyvkfft", run, (lambda: input_array.set(w.spectrum)) if inverse else (lambda: None))

@@ -135,4 +135,4 @@ def places(place: str) -> list[tuple[Any, str, Callable[..., Any]]]:
     for class_name in classes:
         owner = getattr(owner, class_name)
     function = getattr(owner, name)
-    return [(owner, name, function)] if classes else [(*known, function) for known in everywhere(function)]
+    return [(owner, name, function)] if classes else [(*reference, function) for reference in everywhere(function)]

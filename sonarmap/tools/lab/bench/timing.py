@@ -104,10 +104,10 @@ MAX_BYTES = 2**27  # largest size of the copied array, far more than any cache
 def copier(device: Device, source: np.ndarray) -> Callable[[], Any]:
     """A function that copies `source` on the device and returns the copy; float32, its size a multiple of 1024."""
     kernel = _kernel(device)
-    given, copy = device.to_device(source), device.empty(source.shape)
+    original, copy = device.to_device(source), device.empty(source.shape)
 
     def run() -> Any:
-        kernel(device.queue, (source.size // _LANES,), (_GROUP,), given.data, copy.data)
+        kernel(device.queue, (source.size // _LANES,), (_GROUP,), original.data, copy.data)
         return copy
 
     return run

@@ -75,8 +75,8 @@ def _kind(name: str, number: int, seed: int, edge: int, rng: np.random.Generator
     grid, truth = choose_grid((pair.target, pair.source), edge), pair.T_target_source
     for known in (NOTHING, LEVELED, NAVIGATION):
         instruments = PRIORS[known]
-        given = pair if instruments is None else pair.with_priors(instruments)
-        yield EvidencePair(_cells(pair.scene, known), given.target, given.source, truth, grid)
+        measured = pair if instruments is None else pair.with_priors(instruments)
+        yield EvidencePair(_cells(pair.scene, known), measured.target, measured.source, truth, grid)
     yield from _about(EvidencePair(_cells(pair.scene, NOTHING), pair.target, pair.source, truth, grid), number, rng)
 
 
@@ -96,8 +96,8 @@ def _expected(
     """A pair with an expected pose, drawn around `about` with one of the standard deviations _WINDOWS."""
     shift, turn = _WINDOWS[number % len(_WINDOWS)]
     sigmas = np.repeat([turn, shift * pair.grid.voxel], 3)
-    off = sigmas * rng.standard_normal(6)
-    T = RigidTransform.from_components(about.translation + off[3:], Rotation.from_rotvec(off[:3]) * about.rotation)
+    error = sigmas * rng.standard_normal(6)
+    T = RigidTransform.from_components(about.translation + error[3:], Rotation.from_rotvec(error[:3]) * about.rotation)
     return replace(pair, cells=pair.cells | {"known": known}, expected=ExpectedPose.along_target(T, sigmas))
 
 

@@ -138,8 +138,8 @@ _HERE = "sonarmap.tools.lab.reproduce"
 _STRUCTURES = ("scene", "grid", "seeds", "seed")
 _PAIRS = ("grid", "pairs", "seed", "method")
 _MADE_UP = "the mapper's own work on 1,000 to 10,000 scans, with made-up registrations"
-_SCANS = "scans whose names end in a number and a gt.log, or several folders of such"
-_JOURNALS = "the registrations that earlier runs made, or nothing yet"
+_SCANS = "scans whose names end in a number and a gt.log, or several such folders"
+_JOURNALS = "registrations of earlier runs, or nothing yet"
 PAPER = ("translation", "rotation", "limits", "gaussian", "floodgate")
 EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
     {
@@ -190,13 +190,13 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
     if request.set:
         of_sets = {option for chosen_set in request.set for option in PAIR_SETS[chosen_set]}
         options = [option for option in options if option in ("grid", "set", "seed", "method") or option in of_sets]
-    idle = [_flag(option) for option in request.given if option not in options]
-    if idle:
-        known = ", ".join(_flag(option) for option in options)
-        verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
+    unused = [_flag(option) for option in request.given if option not in options]
+    if unused:
+        accepted = ", ".join(_flag(option) for option in options)
+        verb, pronoun = ("has", "it") if len(unused) == 1 else ("have", "them")
         raise InputError(
-            f"{' and '.join(idle)} {verb} no effect on reproduce {name}; leave {pronoun} out"
-            + (f". It takes {known}" if known else "")
+            f"{' and '.join(unused)} {verb} no effect on reproduce {name}; leave {pronoun} out"
+            + (f". It takes {accepted}" if accepted else "")
         )
     return names
 

@@ -118,7 +118,7 @@ def draw_gaussian(path: Path, frame: Frame, settings: Settings) -> None:
     for axis, sigma2 in zip(axes[0], settings.sigma2, strict=True):
         lines = list(frame[frame["sigma2"] == sigma2].groupby("grid", sort=False))
         for k, (grid, some) in enumerate(lines):
-            places = [(scan + 0.1 * (k - (len(lines) - 1) / 2), each) for scan, each in some.groupby("scan")]
+            places = [(scan + 0.1 * (k - (len(lines) - 1) / 2), rows) for scan, rows in some.groupby("scan")]
             draw_rates(axis, places, fmt=("o-", "s--", "^:")[k % 3], color=f"C{k}", label=f"{grid}³")
         axis.set(title=f"σ² = {sigma2:g} m²", xlabel="scan of Table 1", xticks=range(10))
     axes[0, 0].set_ylabel("share of seeds that are right")
@@ -127,23 +127,23 @@ def draw_gaussian(path: Path, frame: Frame, settings: Settings) -> None:
 
 def draw_floodgate(path: Path, frame: Frame, settings: Settings) -> None:
     """Draw the maps of the first survey from above, by the paper's methods and ours, each on its finest grid."""
-    now = survey(settings.first_seed, settings.scans)
+    simulated = survey(settings.first_seed, settings.scans)
     first = frame[frame["seed"] == settings.first_seed]
     pairs = where(first, f"row == '{PAIR}'")
-    maps = {(TRUTH, 0): now.T_world_sensor}
+    maps = {(TRUTH, 0): simulated.T_world_sensor}
     for method, some in pairs.groupby("method", sort=False):
         if method in PAPER_METHODS:
             edge = some["grid"].max()
             rows = some[some["grid"] == edge].to_dict("records")
-            maps[method, edge] = now.T_world_sensor[0] * chained(rows, "found")
+            maps[method, edge] = simulated.T_world_sensor[0] * chained(rows, "found")
     columns = min(len(maps), 3)
     plot, axes = panels(-(-len(maps) // columns), columns, 4.6, 4.8)
-    heights = [float(z) for z in np.quantile(placed(now, now.T_world_sensor)[:, 2], [0.01, 0.995])]
-    lines, image = outlines(now.mesh, _PLAN_HEIGHT), None
+    heights = [float(z) for z in np.quantile(placed(simulated, simulated.T_world_sensor)[:, 2], [0.01, 0.995])]
+    lines, image = outlines(simulated.mesh, _PLAN_HEIGHT), None
     for axis, ((method, edge), poses) in zip(axes.ravel(), maps.items(), strict=False):
         ends = where(first, f"row == '{POSE}' and method == '{method}' and grid == {edge}")
-        image = _draw_map(axis, placed(now, poses), lines, heights)
-        for T, style in ((now.T_world_sensor, "k-"), (poses, "m.-")):
+        image = _draw_map(axis, placed(simulated, poses), lines, heights)
+        for T, style in ((simulated.T_world_sensor, "k-"), (poses, "m.-")):
             axis.plot(*T.translation[:, :2].T, style, linewidth=1.4, markersize=4)
         name = f"{method} {edge}³" if edge else method
         axis.set_title(f"{name}: 90 % within {ends[MAP_90].iloc[-1]:.1f} m", fontsize=11)
@@ -184,8 +184,8 @@ def draw_pairs(path: Path, frame: Frame, settings: Settings) -> None:
     for axis, turn in zip(axes[0], ("yaw", "any"), strict=True):
         of_turn = frame[frame["turn"] == turn]
         for method in settings.methods:
-            mine = with_bins(of_turn[of_turn["method"] == method], "shared", _TENTHS, "tenth")
-            groups = [(each["shared"].mean(), each) for _, each in mine.groupby("tenth", observed=True)]
+            selected = with_bins(of_turn[of_turn["method"] == method], "shared", _TENTHS, "tenth")
+            groups = [(rows["shared"].mean(), rows) for _, rows in selected.groupby("tenth", observed=True)]
             color = f"C{EVALUATED.index(method)}" if method in EVALUATED else "k"
             draw_rates(axis, groups, fmt="o-", color=color, linewidth=2.2 if method == OURS else 1.1, label=method)
         axis.set(title=f"any {turn}" if turn == "yaw" else "any rotation", xlabel="share of the points in common")
@@ -197,11 +197,11 @@ def draw_kinds(path: Path, frame: Frame, settings: Settings) -> None:
     """Draw the share right of our method against its reported probability, in ten bins, with axes per kind."""
     columns = min(4, len(settings.kinds))
     plot, axes = panels(-(-len(settings.kinds) // columns), columns, 2.7, 2.8, sharex=True, sharey=True)
-    for axis, (kind, mine) in zip(axes.ravel(), worst_first(frame).groupby("kind", sort=False), strict=False):
-        bins = with_bins(mine, "probability", _TENTHS, "tenth").groupby("tenth", observed=True)
+    for axis, (kind, selected) in zip(axes.ravel(), worst_first(frame).groupby("kind", sort=False), strict=False):
+        bins = with_bins(selected, "probability", _TENTHS, "tenth").groupby("tenth", observed=True)
         axis.plot([0, 1], [0, 1], "k--", linewidth=0.8)
-        draw_rates(axis, [(each["probability"].mean(), each) for _, each in bins], fmt="o-", color="C0")
-        axis.set_title(f"{kind}: {expected_error(mine):.3f}", fontsize=9)
+        draw_rates(axis, [(rows["probability"].mean(), rows) for _, rows in bins], fmt="o-", color="C0")
+        axis.set_title(f"{kind}: {expected_error(selected):.3f}", fontsize=9)
     plot.supxlabel("reported probability (mean of a bin)", fontsize=9)
     plot.supylabel("share that is right", fontsize=9)
     save(plot, path)

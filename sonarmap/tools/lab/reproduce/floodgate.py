@@ -65,19 +65,19 @@ def create(request: Request) -> Experiment:
     def run(job: str) -> Outcome:
         first, method, second = job.split("/")
         seed, edge = int(first), int(second)
-        which: dict[str, Value] = {"seed": seed, "method": method, "grid": edge}
-        now = survey(seed, settings.scans)
+        labels: dict[str, Value] = {"seed": seed, "method": method, "grid": edge}
+        simulated = survey(seed, settings.scans)
         pairs, seconds, steps = [], [], None
         if method != TRUTH:
             grid = paper_grid(edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
-            registrations, seconds = _chain(build(method, grid, request.opened.selector, seed), now.scans)
+            registrations, seconds = _chain(build(method, grid, request.opened.selector, seed), simulated.scans)
             steps = [registration.T_target_source for registration in registrations]
             pairs = [
-                {"row": PAIR} | which | pair_row(now, k, step.T_target_source, bool(step.accepted))
+                {"row": PAIR} | labels | pair_row(simulated, k, step.T_target_source, bool(step.accepted))
                 for k, step in enumerate(registrations, 1)
             ]
-        poses = [{"row": POSE} | which | row for row in pose_rows(now, steps)]
-        return Outcome((*pairs, *poses), tuple(which | row for row in seconds))
+        poses = [{"row": POSE} | labels | row for row in pose_rows(simulated, steps)]
+        return Outcome((*pairs, *poses), tuple(labels | row for row in seconds))
 
     return Experiment("floodgate", settings, jobs, run, SOURCES)
 

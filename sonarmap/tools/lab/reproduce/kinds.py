@@ -74,13 +74,13 @@ def create(request: Request) -> Experiment:
 
 def _row(pair: KindPair, grid: Grid, known: str, method: str, device: str | None) -> Row:
     instruments = PRIORS[known]
-    given = pair if instruments is None else pair.with_priors(instruments)
-    registration = answer(registrar(method, grid, device), given.target, given.source)
+    measured = pair if instruments is None else pair.with_priors(instruments)
+    registration = answer(registrar(method, grid, device), measured.target, measured.source)
     cells: dict[str, Value] = {name: getattr(pair, name) for name in ("kind", "number", "scene", "relief", "shared")}
     cells |= {"priors": known, "method": method, "voxel_m": grid.voxel}
     cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
-    if known == NAVIGATION and given.target.prior is not None and given.source.prior is not None:
-        cells |= navigation_cells(registration, pair.T_target_source, given.target.prior, given.source.prior)
+    if known == NAVIGATION and measured.target.prior is not None and measured.source.prior is not None:
+        cells |= navigation_cells(registration, pair.T_target_source, measured.target.prior, measured.source.prior)
     return cells
 
 
@@ -98,10 +98,10 @@ def navigation_cells(
     R = registration.T_target_source.rotation.as_matrix()  # the covariance is in the source's axes
     variances, axes = np.linalg.eigh(R @ covariance @ R.T)
     navigated = target.T_world_sensor.inv() * source.T_world_sensor
-    known = np.sqrt(np.einsum("ik,ij,jk->k", axes, navigation_covariance(target, source), axes))
+    navigation_sigmas = np.sqrt(np.einsum("ik,ij,jk->k", axes, navigation_covariance(target, source), axes))
     columns = {
         "sigma_m": np.sqrt(np.maximum(variances, 0.0)),
-        "navigation_sigma_m": known,
+        "navigation_sigma_m": navigation_sigmas,
         "error_m": (registration.T_target_source.translation - truth.translation) @ axes,
         "navigation_error_m": (navigated.translation - truth.translation) @ axes,
     }

@@ -85,11 +85,11 @@ def create(request: Request) -> Experiment:
     def run(job: str) -> Outcome:
         batch, _, method = job.rpartition("/")
         max_tilt = pi if batch.startswith("any") else None
-        done = [
+        results = [
             _registered(pair, method, registrar_on(method, pair.grid, request.opened.selector, max_tilt))
             for pair in pairs_of(batch)
         ]
-        return Outcome(tuple(row for row, _ in done), tuple(seconds for _, seconds in done))
+        return Outcome(tuple(row for row, _ in results), tuple(seconds for _, seconds in results))
 
     jobs = [job for name in settings.sets for job in _jobs(name, settings)]
     return Experiment("pairs", settings, jobs, run, (*SOURCES, "tools/lab/reproduce/pairs.py"), settings.methods)

@@ -243,9 +243,9 @@ class _RealPairs:
 
 def _known(request: Request) -> tuple[str, ...]:
     """The instruments of KINDS with simulated measurements."""
-    idle = [name for name in ("seeds", "seed") if request.known is None and name in request.given]
-    if idle:
-        raise InputError(f"--{idle[0]} has no effect without --known; give --known too, or leave it out")
+    unused = [name for name in ("seeds", "seed") if request.known is None and name in request.given]
+    if unused:
+        raise InputError(f"--{unused[0]} has no effect without --known; give --known too, or leave it out")
     known = () if request.known is None else request.known.split(",")
     if known:
         instruments_for(known)  # raises InputError for unknown ones

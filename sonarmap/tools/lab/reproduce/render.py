@@ -70,12 +70,12 @@ def where(frame: Frame, condition: str) -> Frame:
 
 def render(table: Table, frame: Frame) -> Rendered | None:
     """The table of the rows that it selects from `frame`; None if it selects none."""
-    some = table.rows(frame) if callable(table.rows) else where(frame, table.rows)
-    if some.empty:
+    selected = table.rows(frame) if callable(table.rows) else where(frame, table.rows)
+    if selected.empty:
         return None
-    parts = [None] if not table.across else _parts(some[table.across])
+    parts = [None] if not table.across else _parts(selected[table.across])
     headings = [_joined(part, heading) for part in parts for heading in table.cells]
-    lines = [(*names, *_cells(table, group, parts)) for names, group in _groups(table, some)]
+    lines = [(*names, *_cells(table, group, parts)) for names, group in _groups(table, selected)]
     return Rendered(table.title, (*map(_heading, table.by), *headings), tuple(lines))
 
 

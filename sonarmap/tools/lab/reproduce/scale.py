@@ -178,14 +178,14 @@ def _measure(count: int, seed: int, settings: Settings) -> Outcome:
         with _memory_watched(stages):
             execution = Execution(Worker(registrar, _PREPARED), timings=stages)
             result = Mapper(registrar, settings.voxel, execution=execution).run(survey.scans)
-        begin = {"scans": count, "seed": seed}
-        took = [(name, seconds, stages.memory[name]) for name, seconds in stages.processor.items()]
-        took.append((WHOLE, sum(stages.processor.values()), max(stages.memory.values())))
+        labels = {"scans": count, "seed": seed}
+        usage = [(name, seconds, stages.memory[name]) for name, seconds in stages.processor.items()]
+        usage.append((WHOLE, sum(stages.processor.values()), max(stages.memory.values())))
         rows = [
-            begin | {"stage": name, "processor_s": seconds, "memory_mib": memory / 2**20}
-            for name, seconds, memory in took
+            labels | {"stage": name, "processor_s": seconds, "memory_mib": memory / 2**20}
+            for name, seconds, memory in usage
         ]
-        return Outcome((begin | _outcome(survey, result, settings.voxel),), tuple(rows))
+        return Outcome((labels | _outcome(survey, result, settings.voxel),), tuple(rows))
 
 
 @contextmanager

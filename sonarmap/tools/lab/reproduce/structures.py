@@ -218,8 +218,8 @@ def _moved(name: str, settings: Settings, device: Device, motions: Sequence[Rigi
             device.queue.finish()
             prepared = perf_counter() - start
             registration = structures.registrar.register(target, source)
-            begin = {"scene": scene, "noise": noise, "seed": seed, "number": number}
-            rows.append(begin | _moved_cells(T_target_source, registration, grid.voxel) | {"common": common})
+            labels = {"scene": scene, "noise": noise, "seed": seed, "number": number}
+            rows.append(labels | _moved_cells(T_target_source, registration, grid.voxel) | {"common": common})
             times = {"case": job, "number": number, "prepare_s": prepared, "register_s": registration.seconds}
             seconds.append(times)
         return Outcome(tuple(rows), tuple(seconds))
@@ -249,14 +249,14 @@ def _tilting(settings: Settings, device: Device) -> Callable[[str], Outcome]:
     def run(job: str) -> Outcome:
         scene, seed, kind = job.split("/")
         points = structures.points(scene, int(seed))
-        still = structures.prepare(points, "D0", [0])
+        at_rest = structures.prepare(points, "D0", [0])
         rows, seconds = [], []
         for tilt in (0.0,) if kind == "none" else settings.tilts_deg:
             for yaw in settings.yaws_deg:
                 start = perf_counter()
                 pitch, roll = (tilt if kind in (angle, "both") else 0.0 for angle in ("pitch", "roll"))
                 truth = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
-                off = _steps(structures, structures.prepare(truth.apply(points), "D0", [0]), still, truth)
+                off = _steps(structures, structures.prepare(truth.apply(points), "D0", [0]), at_rest, truth)
                 rows.append({"scene": scene, "seed": int(seed), "tilted": kind, "tilt_deg": tilt, "yaw_deg": yaw} | off)
                 seconds.append({"job": job, "tilt_deg": tilt, "yaw_deg": yaw, "seconds": perf_counter() - start})
         return Outcome(tuple(rows), tuple(seconds))
@@ -269,14 +269,14 @@ def _steps(structures: _Structures, target: LayeredScan, source: LayeredScan, tr
     registrar = structures.registrar
     true_yaw = truth.as_euler("ZYX", degrees=True)[0]
     yaw = registrar.hemisphere.yaws(target.layers, source.layers)[0]
-    off = np.rad2deg(yaw.R.as_rotvec()[2]) - true_yaw
-    known = Rotation.from_euler("Z", true_yaw, degrees=True)
-    tilt = registrar.hemisphere.tilt(target.layers, source.magnitude, known, _FARTHEST)
-    R = known if tilt is None else tilt.R * known
+    yaw_off = np.rad2deg(yaw.R.as_rotvec()[2]) - true_yaw
+    R_yaw = Rotation.from_euler("Z", true_yaw, degrees=True)
+    tilt = registrar.hemisphere.tilt(target.layers, source.magnitude, R_yaw, _FARTHEST)
+    R = R_yaw if tilt is None else tilt.R * R_yaw
     _, pitch, roll = R.as_euler("ZYX", degrees=True) - truth.as_euler("ZYX", degrees=True)
     chain = registrar.register(target, source)
     return {
-        "yaw_off_deg": float((off + 90) % 180 - 90),  # the peak repeats after half a turn
+        "yaw_off_deg": float((yaw_off + 90) % 180 - 90),  # the peak repeats after half a turn
         "yaw_psr": yaw.psr,
         "roll_off_deg": float(roll),
         "pitch_off_deg": float(pitch),

@@ -62,16 +62,16 @@ def create(request: Request) -> Experiment:
         survey = survey_of(kind)
         grid = survey_grid(survey.scans, settings.edge)
         mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, request.opened.selector)
-        begin = _named(kind) | {"system": system}
-        rows = tuple({**begin, **row} for row in survey_rows(survey, mapped, grid.voxel))
-        return Outcome(rows, (begin | _seconds(mapped.took, len(survey.scans)),))
+        labels = _named(kind) | {"system": system}
+        rows = tuple({**labels, **row} for row in survey_rows(survey, mapped, grid.voxel))
+        return Outcome(rows, (labels | _seconds(mapped.took, len(survey.scans)),))
 
     jobs = []
     for seed in all_seeds(settings):
-        begin, longest = f"{settings.scene}-{seed}", max(settings.counts)
+        prefix, longest = f"{settings.scene}-{seed}", max(settings.counts)
         for count in settings.counts:
-            jobs += [f"{begin}/{count}/{name}" for name in settings.systems if name == OURS or count == longest]
-        jobs += [f"{begin}/{DIVES}"] if settings.dive else []
+            jobs += [f"{prefix}/{count}/{name}" for name in settings.systems if name == OURS or count == longest]
+        jobs += [f"{prefix}/{DIVES}"] if settings.dive else []
     return Experiment("survey", settings, jobs, run, SOURCES)
 
 
@@ -132,8 +132,8 @@ def create_decisions(request: Request) -> Experiment:
         survey = simulate_survey(scene, int(seed), settings.scans, 0.0)
         folder.mkdir(parents=True, exist_ok=True)
         with Journal(folder / f"{job}.sqlite") as journal:
-            begin = {"scene": scene, "seed": int(seed)}
-            return Outcome(tuple({"rule": rule, **begin, **row(survey, rule, journal)} for rule in RULES))
+            labels = {"scene": scene, "seed": int(seed)}
+            return Outcome(tuple({"rule": rule, **labels, **row(survey, rule, journal)} for rule in RULES))
 
     jobs = [f"{scene}-{seed}" for seed in all_seeds(settings) for scene in settings.scenes]
     return Experiment("decisions", settings, jobs, run, _DECISIONS_SOURCES)

@@ -44,14 +44,14 @@ class SimulatedSurvey:
 def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> SimulatedSurvey:
     """Simulate `count` scans of each dive over a scene of SCENE_KINDS, a share of them unusable."""
     settings = replace(plan(scene, "lawnmower", None, seed), count=count, unusable=unusable)
-    done = [simulate(replace(settings, dive=dive)) for dive in dives]
-    scans = [scan for simulation in done for scan in simulation.scans]
-    poses = RigidTransform.concatenate([simulation.truth.T_world_sensor for simulation in done])
+    runs = [simulate(replace(settings, dive=dive)) for dive in dives]
+    scans = [scan for run in runs for scan in run.scans]
+    poses = RigidTransform.concatenate([run.truth.T_world_sensor for run in runs])
     return SimulatedSurvey(
         scans=tuple(replace(scan, stamp=float(k), name=f"scan_{k:03d}") for k, scan in enumerate(scans)),
         truth=Trajectory(np.arange(len(scans), dtype=np.float64), poses),
-        dives=np.repeat(np.arange(len(done)), count),
-        unusable=frozenset(number + k * count for k, simulation in enumerate(done) for number in simulation.faults),
+        dives=np.repeat(np.arange(len(runs)), count),
+        unusable=frozenset(number + k * count for k, run in enumerate(runs) for number in run.faults),
         mesh=build_scene(scene, seed).mesh,
     )
 
