@@ -1,1 +1,1 @@
-"""What a file says and gets: readers and writers, what is in a map's folder, and where it lies on the Earth."""
+"""Reading and writing files: scan and table readers, writers, the map folder, and georeferencing."""

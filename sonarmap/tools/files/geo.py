@@ -1,10 +1,10 @@
-"""The frame of a map on the Earth, and its projections; pyproj computes.
+"""Georeferencing: the frame of a map on the Earth, and projections to a CRS, computed with pyproj.
 
 x and y are East and North in the plane that touches the WGS84 ellipsoid at the origin; z is the height above the
-vertical reference, which follows the Earth's curvature as depths below the water's surface do. (Straight up from that
-plane a point 500 m away would be 2 cm higher, one 5 km away 2 m.)
+vertical reference, which follows the Earth's curvature. (Measured perpendicular to the tangent plane, a height would
+differ by 2 cm at 500 m from the origin and by 2 m at 5 km.)
 
-Every point is projected by itself: shifting the points of a map by the origin's easting and northing is not enough, as
+Every point is projected individually. Adding the origin's easting and northing to local coordinates is not enough:
 grid North is not true North (2.6 degrees at 60 degrees north at the edge of a UTM zone, 22 m after 500 m), and the
 grid's scale is not 1.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from pyproj import CRS, Transformer
 
-# What heights may count from. A height above a geoid keeps its number: nothing is converted, so no grid is needed.
+# Vertical references. Heights are never converted between them, so no geoid grid is needed.
 VERTICALS = {
     "surface": "the water's surface during the survey",
     "MSL": "mean sea level",
@@ -32,36 +32,36 @@ VERTICALS = {
 }
 DEFAULT_VERTICAL = "surface"
 EAST = 90.0  # compass heading of an x axis that points East
-_FARTHEST = 200e3  # from the origin [m]: beyond it a plane is no map of the Earth
-_ROUNDS = 3  # of bringing a point to its height: each leaves a millionth of the error before
+_FARTHEST = 200e3  # largest distance from the origin at which a tangent plane still makes a map [m]
+_ROUNDS = 3  # iterations that find a point's height above the ellipsoid; each divides the error by a million
 WGS84 = 4326
 _NORTH, _SOUTH = 32600, 32700  # EPSG codes of UTM zone 0
 _POLES = {True: 5041, False: 5042}  # UPS, easting first
 _HIGHEST, _LOWEST = 84.0, -80.0  # latitudes that UTM covers [deg]
-# What heights count from, as a vertical CRS of EPSG; the water's surface has none.
+# EPSG code of the vertical CRS of each vertical reference; the water's surface has none.
 _VERTICAL_EPSG = {"MSL": 5714, "EGM96": 5773, "EGM2008": 3855}
 _ELLIPSOID_NAME = "Ellipsoid (metre)"
 _ELLIPSOID_WKT = (
     f'VERT_CS["{_ELLIPSOID_NAME}",VERT_DATUM["Ellipsoid",2002],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]'
 )
-_MARGIN = 10.0  # degrees beyond its area up to which a CRS is used, as a zone is by its neighbors
-_AS = {"--origin": "as EPSG:32632:E,N, or degrees without a CRS, as 60.3913,5.3221"}  # by option, what is wanted
+_MARGIN = 10.0  # a CRS may be used this far outside its area of use [deg], as neighboring zones use a UTM zone
+_AS = {"--origin": "as EPSG:32632:E,N, or degrees without a CRS, as 60.3913,5.3221"}  # option -> the wanted format
 _NO_DATUM = (
-    " without a datum: nothing says where on the Earth it lies; wanted one with a datum, as EPSG:32632, or for export "
+    " without a datum, so its place on the Earth is unknown; wanted one with a datum, as EPSG:32632, or for export "
     "--crs map, the map's own frame"
 )
-_ABOUT = 0.01  # degrees about a map's origin, where a transformation is looked for
+_ABOUT = 0.01  # half width of the area around the map's origin in which a transformation must be valid [deg]
 
 
 @dataclass(frozen=True, slots=True)
 class Georeference:
-    """Where the origin of a map is, and which way its x axis points.
+    """The position of a map's origin on the Earth, and the heading of its x axis.
 
     Attributes:
         latitude, longitude: of the origin [deg], WGS84.
         height: of the origin above the vertical reference [m].
-        vertical: what heights count from: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008.
-        heading: true compass heading of the map's x axis [deg]; 90 for East, as in every map that instruments place.
+        vertical: reference of heights: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008.
+        heading: true heading of the map's x axis [deg]; 90 (East) in every map that is georeferenced by instruments.
 
     Raises:
         InputError: a latitude beyond 89.9 or longitude beyond 180 degrees, another number that is not finite, an
@@ -92,7 +92,7 @@ class Georeference:
             )
 
     def geodetic(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) float64 latitude, longitude [deg] and height above the vertical reference [m] of points (N, 3) [m].
+        """Geodetic coordinates (N, 3): latitude, longitude [deg], height above the vertical reference [m] of points.
         Raises InputError: points more than 200 km from the origin."""
         points = np.asarray(points, np.float64)
         if points.size and not np.abs(points).max() <= _FARTHEST:
@@ -110,8 +110,8 @@ class Georeference:
         return np.column_stack([latitude, longitude, height])
 
     def local(self, geodetic: np.ndarray) -> np.ndarray:
-        """(N, 3) float64 points [m] of latitudes, longitudes [deg] and heights [m] (N, 3): the inverse of `geodetic`.
-        Raises InputError: places more than 200 km from the origin."""
+        """Map coordinates (N, 3) [m] of latitude, longitude [deg], height [m] (N, 3): the inverse of `geodetic`.
+        Raises InputError: points more than 200 km from the origin."""
         latitude, longitude, height = np.asarray(geodetic, np.float64).T
         x, y, _ = self._topocentric.transform(longitude, latitude, height)
         flat = self._turned(np.column_stack([x, y]), self.heading - EAST)
@@ -123,12 +123,12 @@ class Georeference:
         return np.column_stack([flat, height - self.height])
 
     def to_json(self) -> dict[str, Any]:
-        """As summary.json has it; `of_json` reads it."""
+        """The georeference as summary.json stores it; `of_json` reads it back."""
         return asdict(self)
 
     @classmethod
     def of_json(cls, value: dict[str, Any]) -> "Georeference":
-        """What `to_json` wrote."""
+        """The georeference that `to_json` wrote."""
         try:
             return cls(**value)
         except TypeError as error:
@@ -140,7 +140,7 @@ class Georeference:
 
     @staticmethod
     def _turned(flat: np.ndarray, degrees: float) -> np.ndarray:
-        """(N, 2) turned counterclockwise."""
+        """Points (N, 2) rotated counterclockwise."""
         if degrees == 0:
             return flat
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
@@ -149,7 +149,7 @@ class Georeference:
 
 @cache
 def _transformer(latitude: float, longitude: float) -> "Transformer":
-    """From longitude, latitude and height to East, North and Up about a point of the ellipsoid."""
+    """Transformer from longitude, latitude and height to East, North and Up about a point of the ellipsoid."""
     from pyproj import Transformer
 
     return Transformer.from_pipeline(
@@ -158,17 +158,17 @@ def _transformer(latitude: float, longitude: float) -> "Transformer":
     )
 
 
-@dataclass(frozen=True)  # without slots: the transformer is kept
+@dataclass(frozen=True)  # without slots, which cached_property needs
 class Projection:
-    """The CRS of one map."""
+    """The projected CRS in which a map is exported or control points are given."""
 
     crs: "CRS"  # horizontal, projected, with axes in meters
-    vertical: str  # what heights count from: a name of VERTICALS
+    vertical: str  # vertical reference of heights: a name of VERTICALS
 
     @classmethod
     def of(cls, georeference: Georeference, crs: str | None = None, option: str = "--crs") -> "Projection":
-        """The UTM zone of the map's origin (UPS near the poles), or the CRS of this name, such as EPSG:25832, which the
-        user gave with this option. Raises InputError: no such CRS, or one that is not projected in meters."""
+        """The projection to `crs`, such as EPSG:25832, or by default to the UTM zone of the map's origin (UPS near the
+        poles). `option` is named in errors. Raises InputError: an unknown CRS, or one not projected in meters."""
         from pyproj import CRS
 
         if crs is None:
@@ -179,13 +179,13 @@ class Projection:
 
     @property
     def name(self) -> str:
-        """As EPSG:32632, or in words where it has no code."""
+        """The code of the CRS, as EPSG:32632, or its name if it has no code."""
         authority = self.crs.to_authority()
         return ":".join(authority) if authority else self.crs.name
 
     @cached_property
     def crs_with_heights(self) -> "CRS":
-        """The same with the vertical reference, where that is one that EPSG knows."""
+        """The CRS combined with the vertical reference, if EPSG has a code for that."""
         from pyproj import CRS
         from pyproj.crs import CompoundCRS
 
@@ -198,7 +198,7 @@ class Projection:
 
     @cached_property
     def old_wkt(self) -> str:
-        """WKT 1 of `crs_with_heights`, as LAS 1.4 wants it and every program reads it."""
+        """WKT 1 of `crs_with_heights`, which LAS 1.4 requires and every program reads."""
         from pyproj.enums import WktVersion
 
         if self.vertical != "ellipsoid":
@@ -209,12 +209,12 @@ class Projection:
 
     @property
     def vertical_epsg(self) -> int | None:
-        """Of the heights' CRS; None for the water's surface, which has none, and the ellipsoid, which needs none."""
+        """EPSG code of the vertical CRS; None for the water's surface and the ellipsoid."""
         return _VERTICAL_EPSG.get(self.vertical)
 
     def project(self, geodetic: np.ndarray) -> np.ndarray:
-        """(N, 3) float64 easting, northing, height [m] of (N, 3) latitude, longitude [deg], height [m]. Raises
-        InputError: a place that this CRS does not cover."""
+        """Easting, northing, height (N, 3) float64 [m] of latitude, longitude [deg], height [m] (N, 3). Raises
+        InputError: a point that this CRS does not cover."""
         latitude, longitude, height = np.asarray(geodetic, np.float64).T
         easting, northing = self._transformer.transform(longitude, latitude)
         projected = np.column_stack([easting, northing, height])
@@ -223,8 +223,8 @@ class Projection:
         return projected
 
     def unproject(self, projected: np.ndarray) -> np.ndarray:
-        """(N, 3) float64 latitude, longitude [deg], height [m] of (N, 3) easting, northing, height [m]. Raises
-        InputError: numbers that are no place in this CRS."""
+        """Latitude, longitude [deg], height [m] (N, 3) float64 of easting, northing, height [m] (N, 3). Raises
+        InputError: coordinates outside of this CRS."""
         easting, northing, height = np.asarray(projected, np.float64).T
         longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
         geodetic = np.column_stack([latitude, longitude, height])
@@ -233,23 +233,23 @@ class Projection:
         return geodetic
 
     def convergence(self, geodetic: np.ndarray) -> np.ndarray:
-        """(N,) float64 grid convergence [deg] at places (N, 3): a true bearing is the grid bearing plus this."""
+        """Grid convergence (N,) float64 [deg] at geodetic points (N, 3): true bearing minus grid bearing."""
         from pyproj import Proj
 
         latitude, longitude, _ = np.asarray(geodetic, np.float64).T
         return np.asarray(Proj(self.crs).get_factors(longitude, latitude).meridian_convergence, np.float64)
 
     def crosses_zone(self, geodetic: np.ndarray) -> bool:
-        """Whether some of the places (N, 3) lie in another UTM zone than the map's."""
+        """Whether any of the geodetic points (N, 3) lies outside of the UTM zone of this CRS."""
         latitude, longitude, _ = np.asarray(geodetic, np.float64).T
         ends = ([float(x.min()), float(x.max())] for x in (latitude, longitude))
         corners = {utm_epsg(*corner) for corner in product(*ends)}
-        # of any datum: EPSG:25832 is zone 32N too
+        # zone names instead of EPSG codes, so that any datum compares equal: EPSG:25832 is zone 32N too
         zones = {f"{epsg % 100}{'N' if epsg < _SOUTH else 'S'}" for epsg in corners}
         return self.crs.utm_zone is not None and zones != {self.crs.utm_zone}
 
     def covers(self, geodetic: np.ndarray, margin: float = 0.0) -> bool:
-        """Whether all places (N, 3) lie in the area for which this CRS was made, grown by a margin [deg]."""
+        """Whether all geodetic points (N, 3) lie in the CRS's area of use, enlarged by a margin [deg]."""
         area = self.crs.area_of_use
         if area is None or not np.isfinite(geodetic).all():
             return area is None
@@ -263,19 +263,19 @@ class Projection:
     def _transformer(self) -> "Transformer":
         from pyproj import CRS, Transformer
 
-        # WGS84 and ETRS89 and the like are one up to a meter; a datum whose grid is missing is refused, not guessed
+        # WGS84, ETRS89 and the like agree within a meter; a datum shift whose grid is missing is refused, not guessed
         return Transformer.from_crs(
             CRS.from_epsg(WGS84), self.crs, always_xy=True, allow_ballpark=False, only_best=True
         )
 
 
 def on_the_earth(projected: "ArrayLike", crs: str | None, option: str) -> np.ndarray:
-    """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing, height [m] in a CRS as EPSG:32632,
-    which the user gave with this option. Raises InputError: see `Projection.of`; the first place is not in its area."""
+    """Latitude, longitude [deg], height [m] (n, 3) of easting, northing, height [m] (n, 3) in a CRS as EPSG:32632
+    that `option` gave. Raises InputError: see `Projection.of`; the first point is outside of its area."""
     from pyproj import Transformer
 
     projected, rough = np.asarray(projected), Projection(_projected(crs or "", option), DEFAULT_VERTICAL)
-    to_degrees = Transformer.from_crs(rough.crs, WGS84, always_xy=True)  # 200 m wrong where a grid is missing
+    to_degrees = Transformer.from_crs(rough.crs, WGS84, always_xy=True)  # up to 200 m wrong if a grid is missing
     first = projected[0, [[0, 1], [1, 0]]]  # as given, and with easting and northing exchanged
     longitude, latitude = to_degrees.transform(*first.T)
     place, exchanged = np.column_stack([latitude, longitude, [0.0] * 2])[:, None]
@@ -283,13 +283,13 @@ def on_the_earth(projected: "ArrayLike", crs: str | None, option: str) -> np.nda
     if beyond or not np.isfinite(place).all():
         raise InputError(
             f"{option} {crs}: easting {first[0, 0]:.12g}, northing {first[0, 1]:.12g} is not in the area of "
-            f"{rough.crs.name}; check the CRS and the numbers, of which the easting is the first"
+            f"{rough.crs.name}; check the CRS and the numbers (easting first)"
         )
     return Projection.of(Georeference(*place[0, :2].tolist()), crs, option).unproject(projected)
 
 
 def _projected(crs: str, option: str) -> "CRS":
-    """The CRS of this name. Raises InputError: see `Projection.of`."""
+    """The projected CRS called `crs`. Raises InputError: see `Projection.of`."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -312,8 +312,8 @@ def _projected(crs: str, option: str) -> "CRS":
 
 
 def _require_exact(crs: "CRS", given: str, georeference: Georeference) -> None:
-    """Refuse a CRS whose best transformation from WGS84 needs a grid that is not installed: the next best is off by
-    meters. Raises InputError: naming the grid."""
+    """Raise InputError if the best transformation from WGS84 to the CRS needs a grid that is not installed: the next
+    best is off by meters."""
     import warnings
 
     from pyproj.transformer import AreaOfInterest, TransformerGroup
@@ -321,7 +321,7 @@ def _require_exact(crs: "CRS", given: str, georeference: Georeference) -> None:
     latitude, longitude = georeference.latitude, georeference.longitude
     about = AreaOfInterest(longitude - _ABOUT, latitude - _ABOUT, longitude + _ABOUT, latitude + _ABOUT)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the grid: it is said below
+        warnings.simplefilter("ignore")  # about a missing grid, which is reported below
         group = TransformerGroup(WGS84, crs, always_xy=True, allow_ballpark=False, area_of_interest=about)
     if group.best_available and group.transformers:
         return
@@ -332,15 +332,15 @@ def _require_exact(crs: "CRS", given: str, georeference: Georeference) -> None:
             f"{given} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}, where the "
             "map would be; check the coordinates, or choose another"
         )
-    grids = {grid.short_name for way in group.unavailable_operations[:1] for grid in way.grids if not grid.available}
+    grids = {grid.short_name for best in group.unavailable_operations[:1] for grid in best.grids if not grid.available}
     raise InputError(
         f"{given} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}, which is not installed; wanted a CRS that "
-        "follows from WGS84 without one, as the UTM zone, or install the grid with `pyproj sync --file NAME`"
+        "needs no grid, as the UTM zone, or install the grid with `pyproj sync --file NAME`"
     )
 
 
 def utm_epsg(latitude: float, longitude: float) -> int:
-    """The EPSG code of the UTM zone of a place [deg], or of UPS near the poles. The zones are those of the Defense
+    """EPSG code of the UTM zone at a latitude and longitude [deg], or of UPS near the poles. Zones as in the Defense
     Mapping Agency's TM 8358.2 (1989), with its exceptions for southwestern Norway and Svalbard."""
     if not _LOWEST <= latitude < _HIGHEST:
         return _POLES[latitude > 0]

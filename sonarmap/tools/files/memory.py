@@ -1,4 +1,4 @@
-"""How much memory this machine has to spare, asked before much of it is taken."""
+"""Available memory of this machine, checked before a large allocation."""
 
 import os
 import re
@@ -7,17 +7,17 @@ from pathlib import Path
 from sonarmap.kernels.counted import sized
 from sonarmap.kernels.errors import InputError
 
-_UNKNOWN = 4 << 30  # taken where the system does not say
+_UNKNOWN = 4 << 30  # assumed memory where the system does not report it [bytes]
 _GROUPS, _OWN_GROUP = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 _SHELL, _CONTAINER = "ulimit -v", "the control group"
-# Measured: what the program takes with its libraries, the OpenCL driver and its compiler, beside the arrays of a grid
-# [bytes]: of memory, and of addresses, which `ulimit -v` counts.
+# Measured memory and address space (which `ulimit -v` limits) of the program with its libraries, the OpenCL driver and
+# its compiler, without arrays [bytes].
 _PROGRAM, _ADDRESSES = 400 << 20, 1400 << 20
 
 
 def require_memory(what: str, needed: int, remedy: str) -> None:
-    """Refuse `what`, if it takes more than this machine's memory can hold (`available_memory`); `needed` [bytes]. The
-    InputError says its `remedy`."""
+    """Raise InputError if `what` needs more than the available memory; `needed` [bytes]. The message ends with
+    `remedy`."""
     if needed > (available := available_memory()):
         raise InputError(
             f"{what} takes {sized(needed)} of memory, and this machine has {sized(available)} to spare; {remedy}"
@@ -25,15 +25,15 @@ def require_memory(what: str, needed: int, remedy: str) -> None:
 
 
 def available_memory() -> int:
-    """What this process can take before the machine swaps or a limit stops it [bytes]; all of the machine's memory
-    where the system says no more."""
-    left = [max(0, limit - used) for limit, used in memory_limits().values()]
-    return min([_spare(), *left])
+    """Bytes that this process can allocate before the machine swaps or a limit stops it; the machine's whole memory
+    where the system does not report what is free."""
+    below_limits = [max(0, limit - used) for limit, used in memory_limits().values()]
+    return min([_spare(), *below_limits])
 
 
 def peak_memory() -> int:
-    """The most memory that this process had resident since it began [bytes]. Linux's ru_maxrss starts with what the
-    parent held when it spawned the process; VmHWM does not."""
+    """Peak resident memory of this process [bytes]. Linux's ru_maxrss includes the parent's memory at the time it
+    spawned the process; VmHWM does not."""
     status = Path("/proc/self/status")
     if status.exists():
         line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
@@ -46,26 +46,26 @@ def peak_memory() -> int:
 
 
 def memory_limits() -> dict[str, tuple[int, int]]:
-    """What holds this process below the machine's memory: of each limit its name, where it is, and what is used."""
+    """Memory limits of this process: {name: (limit, used)} [bytes]."""
     return {**_limit_of_shell(), **_limit_of_container()}
 
 
 def room_for_arrays() -> int:
-    """What memory and limits leave beside the program itself, before it is loaded [bytes]; below 0: too little."""
-    left = [
+    """Bytes available for arrays beside the program itself, before it is loaded; negative if there is too little."""
+    below_limits = [
         limit - (_ADDRESSES if name == _SHELL else used + _PROGRAM) for name, (limit, used) in memory_limits().items()
     ]
-    return min([_spare() - _PROGRAM, *left])
+    return min([_spare() - _PROGRAM, *below_limits])
 
 
 def require_program() -> None:
-    """Refuse a limit in which the program itself does not fit: drivers end the whole process where memory ends."""
+    """Raise InputError if a limit is too low for the program itself: drivers abort the process without memory."""
     needed = {_SHELL: (_ADDRESSES, "addresses"), _CONTAINER: (_PROGRAM, "memory")}
     for name, (limit, _) in memory_limits().items():
         least, what = needed[name]
         if limit < least:
             raise InputError(
-                f"{name} allows {sized(limit)} of {what}, and sonarmap with its libraries and an OpenCL driver needs "
+                f"{name} allows {sized(limit)} of {what}; sonarmap with its libraries and an OpenCL driver needs "
                 f"{sized(least)} beside its arrays; raise the limit. 'sonarmap doctor' says what fits"
             )
 
@@ -84,7 +84,7 @@ def _spare() -> int:
 
 
 def _limit_of_shell() -> dict[str, tuple[int, int]]:
-    """`ulimit -v`, of addresses: more of them are used than memory."""
+    """The limit of `ulimit -v`, which counts address space, of which a process uses more than of memory."""
     try:
         import resource
 
@@ -98,7 +98,7 @@ def _limit_of_shell() -> dict[str, tuple[int, int]]:
 
 
 def _limit_of_container() -> dict[str, tuple[int, int]]:
-    """Of a control group of version 2, as containers have it: of this process, or, within a container, the top."""
+    """The limit of the process's control group (version 2), or within a container of the root group."""
     try:
         lines = _OWN_GROUP.read_text(encoding="ascii").splitlines()
     except (OSError, ValueError):
@@ -107,15 +107,15 @@ def _limit_of_container() -> dict[str, tuple[int, int]]:
     for group in (*own, _GROUPS):
         try:
             limit = int((group / "memory.max").read_text(encoding="ascii"))
-            taken = int((group / "memory.current").read_text(encoding="ascii")) - _given_back(group)
-        except (OSError, ValueError):  # there is none, or it says "max"
+            used = int((group / "memory.current").read_text(encoding="ascii")) - _reclaimable(group)
+        except (OSError, ValueError):  # there is no limit, or it is "max"
             continue
-        return {_CONTAINER: (limit, max(0, taken))}
+        return {_CONTAINER: (limit, max(0, used))}
     return {}
 
 
-def _given_back(group: Path) -> int:
-    """The files in memory that a full group drops first, which its usage counts in [bytes]."""
+def _reclaimable(group: Path) -> int:
+    """Bytes of inactive page cache, which memory.current counts but the kernel drops when the group is full."""
     text = (group / "memory.stat").read_text(encoding="ascii")
     match = re.search(r"^inactive_file (\d+)$", text, re.MULTILINE)
     return int(match[1]) if match else 0

@@ -1,4 +1,4 @@
-"""The files that a user names, read whole; among them JSON, whatever it holds."""
+"""Reading whole files that a user names, JSON among them, with errors that say what to do."""
 
 import hashlib
 import json
@@ -17,26 +17,26 @@ from typing import Any
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.memory import require_memory
 
-# `<(...)` of a shell is one of the second kind; the last is an empty file
+# Pipes and devices that may be read; a shell passes `<(...)` as /dev/fd/N or /proc/self/fd/N.
 _GIVEN = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/", os.devnull)
 _LARGEST_PIPE = 1 << 28  # bytes
-_HEAD = 4096  # bytes by which a kind is recognized
-_LARGEST = 1e30  # of a number: as large as an information, see `tools.files.readers.pose_rows`
+_HEAD = 4096  # bytes by which a file format is recognized
+_LARGEST = 1e30  # largest number in a JSON file: `LARGEST_INFORMATION` of `readers.instruments`
 _LARGEST_INTEGER = 2**63 - 1
 PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of files."""
+    """A file format."""
 
-    kind: str  # in words
+    kind: str  # its name in messages, as "a PLY file"
     start: bytes  # a regular expression for the first bytes of its files
 
 
 def require_kind(path: Path, kinds: Mapping[str, Kind]) -> None:
-    """Refuse a file that does not begin as its suffix says. `kinds`: by suffix; one that may begin as others comes
-    last. Whoever catches the InputError names the file."""
+    """Raise InputError if the content of a file does not match its suffix. `kinds`: {suffix: format}, with formats last
+    whose pattern matches others too. The caller adds the file's name to the message."""
     if path.exists() and not path.is_file():
         raise InputError("it is not a regular file; give a file, a folder or a pattern")
     with unreadable(), path.open("rb") as file:
@@ -53,7 +53,7 @@ def require_kind(path: Path, kinds: Mapping[str, Kind]) -> None:
 
 @contextmanager
 def naming(place: object, remedy: str = "") -> Iterator[None]:
-    """An InputError of the block is raised with a file, or a line of one, before its words, and perhaps a remedy."""
+    """Prefix the message of an InputError in the block with a file, or a line of it, and append a remedy."""
     try:
         yield
     except InputError as error:
@@ -62,7 +62,7 @@ def naming(place: object, remedy: str = "") -> Iterator[None]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """An OSError of the block is an InputError that says that the file cannot be read."""
+    """Turn an OSError in the block into an InputError that says that the file cannot be read."""
     try:
         yield
     except OSError as error:
@@ -71,7 +71,7 @@ def reading(path: Path) -> Iterator[None]:
 
 @contextmanager
 def unreadable() -> Iterator[None]:
-    """As `reading`, where whoever catches the InputError names the file."""
+    """Like `reading`, for callers that add the file's name to the message themselves."""
     try:
         yield
     except OSError as error:
@@ -79,7 +79,7 @@ def unreadable() -> Iterator[None]:
 
 
 def read_content(path: Path, pipe: bool = False) -> bytes:
-    """The bytes of a file. `pipe`: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell,
+    """The bytes of a file. `pipe`: whether a pipe is accepted, which can be read only once: /dev/stdin or a shell's
     <(...)."""
     require_file(path, pipe)
     most = None if path.is_file() else _LARGEST_PIPE
@@ -93,8 +93,8 @@ def read_content(path: Path, pipe: bool = False) -> bytes:
 
 
 def require_file(path: Path, pipe: bool = False) -> None:
-    """Refuse a device, which may never end, and a pipe, for which one may wait for ever, before it is opened; with
-    `pipe` one that the command was given will do. A folder, and what is not there, are left to who opens it."""
+    """Raise InputError for a device or a pipe, which may block or never end, before it is opened. With `pipe` those
+    that a shell passes to a command are accepted. Folders and missing files are left to the code that opens them."""
     try:
         mode = path.stat().st_mode
     except OSError:
@@ -106,7 +106,7 @@ def require_file(path: Path, pipe: bool = False) -> None:
 
 
 def read_json(path: Path, expected: str) -> Any:
-    """What the file, which should be what is `expected`, holds."""
+    """The content of a JSON file. `expected` says in errors what the file should be."""
     try:
         text = read_content(Path(path), pipe=True).decode("utf-8")
         return json.loads(text, parse_float=_number, parse_int=_integer, parse_constant=_no_number)
@@ -129,13 +129,13 @@ def _integer(text: str) -> int:
 
 
 def _no_number(text: str) -> Any:
-    raise ValueError(f"it holds the number {text[:40]}, which is too large or none at all")
+    raise ValueError(f"it holds the number {text[:40]}, which is too large or not finite")
 
 
 def input_rows(paths: Sequence[Path]) -> list[dict[str, Any]]:
-    """Name, bytes and SHA-256 of files, and of what is in folders; both null of a file that cannot be read. Names start
-    at the folder that all of them share, so that they say nothing of the machine. Files are read in pieces, a second
-    for each gigabyte or so."""
+    """Name, size [bytes] and SHA-256 of files and of the files in folders; size and SHA-256 are None for unreadable
+    files. Names are relative to the common parent folder, so that they reveal nothing of the machine. Takes about a
+    second per gigabyte."""
     files = [file.resolve() for path in paths for file in _files_of(path)]
     shared = os.path.commonpath([file.parent for file in files]) if files else ""
     return [{"name": file.relative_to(shared).as_posix(), **_content_of(file)} for file in dict.fromkeys(files)]
@@ -155,12 +155,12 @@ def sha256_of(path: Path) -> str:
 
 
 def _files_of(path: Path) -> list[Path]:
-    """The file itself, or all files in the folder: some recordings are folders."""
+    """The file itself, or all files in a folder: some recordings are folders."""
     return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
 
 
 def package_versions(*also: str) -> dict[str, str | None]:
-    """The versions of Python and of what the numbers depend on; None for a package that is not installed."""
+    """Versions of Python, of the packages that affect results, and of `also`; None for one that is not installed."""
     versions: dict[str, str | None] = {"python": platform.python_version(), "system": platform.platform()}
     for package in (*PACKAGES, *also):
         try:
