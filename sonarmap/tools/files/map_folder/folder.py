@@ -1,4 +1,4 @@
-"""The folder that `sonarmap map` wrote, read back."""
+"""Reading the folder that `sonarmap map` wrote."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -31,7 +31,7 @@ from sonarmap.tools.files.readers.scans import Corrections, PointFrame, ReadScan
 from sonarmap.tools.files.readers.trajectory import trajectory_of
 from sonarmap.tools.files.user_file import input_rows, naming, read_content, read_json
 
-COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
+COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # columns of every map.ply
 _ELSEWHERE = "say where the scans are now with --scans-from PATH"
 
 
@@ -42,12 +42,12 @@ class MapPart:
     Attributes:
         suffix: of its files' names: empty for the largest, then _2 and so on.
         points: (M, 3) float64 [m], in the part's frame.
-        columns: {name: (M,)}, what else map.ply says of each point: COLUMNS, and perhaps intensity.
-        scans: which scans of the survey, ascending.
-        trajectory: their n poses, T_world_sensor, and stamps [s].
-        covariances: (n, 6, 6) of these, rotation first [rad, m], body tangent.
-        in_world: whether instruments measured any of the frame, which is East-North-Up then.
-        unmeasured: names of `slam.graph.gauge.MEASURED` that they did not.
+        columns: {name: (M,)}, the other properties of points in map.ply: COLUMNS, and perhaps intensity.
+        scans: indices of its scans in the survey, ascending.
+        trajectory: poses T_world_sensor and stamps [s] of the n scans.
+        covariances: (n, 6, 6) of the poses, rotation first [rad, m], body tangent.
+        in_world: whether instruments constrain the frame at all; it is East-North-Up then.
+        unmeasured: names of `slam.graph.gauge.MEASURED` that no instrument constrains.
     """
 
     suffix: str
@@ -61,13 +61,13 @@ class MapPart:
 
     @property
     def point_stamps(self) -> np.ndarray:
-        """(M,) float64 stamps [s] of the scans that the points are mostly from."""
+        """Stamp (M,) float64 [s] of the scan that contributed most to each point."""
         return self.trajectory.stamps[np.searchsorted(self.scans, self.columns["scan"])]
 
     @property
     def height_sigma(self) -> np.ndarray:
-        """(M,) float64 standard deviations of the points' heights [m]: that part of `sigma`, the root mean square of
-        three axes, which the errors of poses and of ranges bring along z."""
+        """Standard deviation (M,) float64 of each point's height [m]: the vertical part of `sigma`, which is the root
+        mean square over three axes of the errors due to poses and ranges."""
         scan = np.searchsorted(self.scans, self.columns["scan"])
         T, total = self.trajectory.T_world_sensor[scan], self.columns["sigma"].astype(np.float64) ** 2
         J, by_poses = upward(T, self.points), np.empty(len(scan))
@@ -76,27 +76,27 @@ class MapPart:
             by_poses[scan == pose] = pose_variance(beams[scan == pose], self.covariances[pose])
         along_z = np.einsum("na,nab,nb->n", J, self.covariances[scan], J)
         steep = (np.einsum("na,na->n", beams, J[:, 3:]) / np.maximum(np.linalg.norm(beams, axis=1), 1e-12)) ** 2
-        share = np.minimum(total / np.maximum(by_poses, 1e-30), 1.0)  # below 1 where scans err less together
+        share = np.minimum(total / np.maximum(by_poses, 1e-30), 1.0)  # below 1 where averaging scans lowers the error
         return np.sqrt(share * along_z + 3 * steep * np.maximum(total - by_poses, 0.0))
 
     def take(self, chosen: np.ndarray) -> "MapPart":
-        """With these of the points alone, (M,) bool."""
+        """The part with only the `chosen` points, (M,) bool."""
         columns = {name: column[chosen] for name, column in self.columns.items()}
         return replace(self, points=self.points[chosen], columns=columns)
 
     def knows(self, what: str) -> bool:
-        """Whether instruments measured this name of `MEASURED`, so that the frame has it right."""
+        """Whether instruments constrain the quantity `what`, a name of `MEASURED`, of the frame."""
         return self.in_world and what not in self.unmeasured
 
     @property
     def placed(self) -> bool:
-        """Whether instruments tell where the frame is and which way it points."""
+        """Whether instruments constrain the frame's position and heading completely."""
         return self.in_world and not self.unmeasured
 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A loop that was tried between two scans of the survey, and whether it was kept."""
+    """A loop closure candidate between two scans of the survey, and whether it was kept."""
 
     target: int
     source: int
@@ -112,12 +112,12 @@ class Map:
         path: of the folder.
         names: of the N scans of the survey.
         parts: the maps, largest first, each with its points, columns, poses and their covariances.
-        loops: every loop that was tried.
+        loops: all loop closure candidates.
         voxel: edge of a voxel of the maps [m].
-        summary: what summary.json says.
-        georeference: of the frame of the parts that instruments placed, or else of the first part; None where it is
-            not known.
-        graph: what graph.json says.
+        summary: content of summary.json.
+        georeference: of the frame of the parts that instruments placed, or else of the first part; None if it is
+            unknown.
+        graph: content of graph.json.
     """
 
     path: Path
@@ -131,10 +131,10 @@ class Map:
 
     @classmethod
     def open(cls, folder: str | os.PathLike[str]) -> "Map":
-        """The map in a folder.
+        """Read the map in a folder.
 
         Raises:
-            InputError: no folder that `sonarmap map` or `write_map` wrote, or files of it that are missing or damaged.
+            InputError: `sonarmap map` or `write_map` did not write the folder, or files are missing or damaged.
         """
         return read_map_folder(Path(folder))
 
@@ -223,16 +223,15 @@ def read_map_folder(path: Path) -> Map:
 
 
 def _require_types(summary: Any) -> None:
-    """Refuse a summary.json whose parts are of other types than `map` writes, as whoever uses them relies on these.
-    Raises TypeError."""
+    """Raise TypeError if file names or SHA-256 in summary.json are not texts, as callers rely on this."""
     settings, inputs = summary.get("settings") or {}, summary.get("inputs") or []
     texts = [*summary.get("files", []), *(settings.get("inputs") or []), *(row["sha256"] or "" for row in inputs)]
-    if strange := [text for text in texts if not isinstance(text, str)]:
-        raise TypeError(f"{strange[0]!r} where the name or the SHA-256 of a file belongs")
+    if wrong := [text for text in texts if not isinstance(text, str)]:
+        raise TypeError(f"{wrong[0]!r} where the name or the SHA-256 of a file belongs")
 
 
 def map_points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The points (M, 3) float64 [m] and columns of a map of these scans. Raises InputError: missing, or damaged."""
+    """Points (M, 3) float64 [m] and columns of a map.ply made of `scans`. Raises InputError: missing or damaged."""
     content = read_content(path)
     with naming(path):
         columns = read_ply_columns(content)
@@ -249,7 +248,7 @@ def map_points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, 
 
 
 def surveyed_map(folder: Map) -> SurveyedMap:
-    """The largest part of the map: frame, points, and the poses from which they were seen."""
+    """The largest part of the map, with its points and the poses of its scans, for localization."""
     part = folder.parts[0]
     return SurveyedMap(
         points=part.points,
@@ -264,15 +263,15 @@ def surveyed_map(folder: Map) -> SurveyedMap:
 def mapped_scans(
     folder: Map, paths: Sequence[str] = (), progress: Callable[[int, int, str], None] | None = None
 ) -> tuple[Scan, ...]:
-    """The N scans of a map as it used them: corrected and straightened likewise. Large surveys are on disk.
+    """Read the N scans of a map again, with the map's corrections and straightening. Large surveys are kept on disk.
 
     Args:
         folder: the map.
-        paths: the scans, as `map` took them; none for those that it was given, from the same current folder.
-        progress: as of `read_survey`.
+        paths: the scans' files; by default the paths that `map` was given, relative to the current folder.
+        progress: see `read_survey`.
 
     Raises:
-        InputError: the map does not say what it was made of, or its scans are gone, or changed.
+        InputError: the map's summary does not name its scans, or their files are missing or changed.
     """
     settings: dict[str, Any] = folder.summary.get("settings") or {}
     inputs: list[str] | None = list(paths) or settings.get("inputs")
@@ -290,7 +289,7 @@ def mapped_scans(
 
 
 def _corrections(settings: dict[str, Any]) -> Corrections:
-    """What `map` did to the points, as its summary has it."""
+    """The corrections of points that the map's settings describe."""
     biases = Biases.of_json(settings["patch_test"]) if "patch_test" in settings else Biases()
     frame = PointFrame(settings.get("frame", "flu"), settings.get("units", "m"))
     lines = LineReading(settings.get("patch"), biases, settings.get("draught") or 0.0)
@@ -298,10 +297,10 @@ def _corrections(settings: dict[str, Any]) -> Corrections:
 
 
 def _require_same(folder: Map, read: ReadScans) -> None:
-    """Refuse other files than those of the map, by their SHA-256, and another number of scans."""
-    known = [row["sha256"] for row in folder.summary.get("inputs") or ()]
+    """Raise InputError if the SHA-256 of the files or the number of scans differ from the map's inputs."""
+    recorded = [row["sha256"] for row in folder.summary.get("inputs") or ()]
     files = [row["sha256"] for row in input_rows(read.files)]
-    if files != known[: len(files)] or len(read.scans) != len(folder.names):
+    if files != recorded[: len(files)] or len(read.scans) != len(folder.names):
         raise InputError(
             f"{read.files[0].parent} holds {len(read.scans)} scans, which are not, or no longer, the "
             f"{len(folder.names)} that {folder.path} was made of; {_ELSEWHERE}, or map again"
@@ -309,12 +308,12 @@ def _require_same(folder: Map, read: ReadScans) -> None:
 
 
 def _straight(folder: Map, read: ReadScans) -> tuple[Scan, ...]:
-    """The scans without what the sensor's motion did to them, where the map had them so."""
+    """The scans, corrected for the sensor's motion during each scan if the map's scans were."""
     if not folder.summary.get("straightened"):
         return read.scans
-    if (way := folder.graph.get("straightened_by")) is None:
+    if (motion := folder.graph.get("straightened_by")) is None:
         raise InputError(f"{folder.path} does not say how its scans were straightened; map again with this version")
-    T = RigidTransform.from_matrix(np.array(way["T_world_sensor"], np.float64))
+    T = RigidTransform.from_matrix(np.array(motion["T_world_sensor"], np.float64))
     before = Trajectory(np.array([pose["stamp"] for pose in folder.graph["poses"]], np.float64), T)
-    turn_rates = turn_rates_of(read.files, read.scans) if way["turned"] else None
-    return straightened(read.scans, before, way["runs"], folder.voxel / 2, way["bent"], turn_rates).scans
+    turn_rates = turn_rates_of(read.files, read.scans) if motion["turned"] else None
+    return straightened(read.scans, before, motion["runs"], folder.voxel / 2, motion["bent"], turn_rates).scans

@@ -1,4 +1,4 @@
-"""The names of the files in the folder that `sonarmap map` writes, whether they are of one run, and pairs.csv.
+"""File names in the folder that `sonarmap map` writes, the check that all are from one run, and pairs.csv.
 
 summary.json is written last and has the SHA-256 of the others.
 """
@@ -28,52 +28,51 @@ from sonarmap.tools.files.user_file import read_json, sha256_of
 from sonarmap.tools.files.writers.atomic import writing
 from sonarmap.tools.files.writers.tables import write_json
 
-OF_EACH = ("map{}.ply", "map{}.png", "trajectory{}.tum")  # with a place for the number of the component
+OF_EACH = ("map{}.ply", "map{}.png", "trajectory{}.tum")  # files of each component; {} is its suffix
 GRAPH, FULL_GRAPH = "graph.g2o", "graph.json"
-OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
+OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # files about all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
 PICTURE = ".png"
-REPORT = "report.html"  # written after the others, from them
-OF_LINES = NAVIGATION, SOUNDINGS, LINES = "navigation.csv", "soundings.laz", "lines.json"  # of a map of lines of pings
+REPORT = "report.html"  # written last, from the other files
+OF_LINES = NAVIGATION, SOUNDINGS, LINES = "navigation.csv", "soundings.laz", "lines.json"  # maps of survey lines only
 _MAP = re.compile(r"map(_all)?(_\d+)?(_survey_\d+)?\.ply")
 _OF_PART = re.compile(_MAP.pattern + r"|map(_\d+)?\.png|trajectory(_\d+)?\.tum")
-CHAIN = "sequential"  # the role of consecutive scans; pairs of any other role are loops
-POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")  # of T_target_source; empty where it failed
+CHAIN = "sequential"  # role of pairs of consecutive scans; pairs of any other role are loop closures
+POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")  # T_target_source; empty if it failed
 ANSWERS = {"yes": True, "no": False}
 _COLUMNS = ("target", "source", "role", "kept", *POSE_COLUMNS)
 _MOST_DEGREES = 180.0
 
 
 def side_car(name: str) -> str:
-    """The name of the file that says what an exported file of this name is."""
+    """Name of the JSON file that describes the exported file `name`."""
     return f"{name}.json"
 
 
 def require_apart(folder: Path, files: Iterable[Path]) -> None:
-    """Refuse scans that are the map of an earlier run, or would be overwritten by the new map."""
+    """Raise InputError if a scan is the map of an earlier run, or the new map would overwrite it."""
     for path in files:
         if (_MAP.fullmatch(path.name) or path.name == PAIRS) and path.parent.resolve() == folder.resolve():
             raise InputError(
-                f"{path} is among the scans, but the map is written to {folder}: the file is of an earlier "
+                f"{path} is among the scans, but the map is written to {folder}: the file is from an earlier "
                 "run, or would be overwritten. Leave it out, or choose another output folder."
             )
 
 
 def earlier_files(folder: Path) -> set[str]:
-    """The components' files of an earlier run in the folder, and what was exported of it, as its summary lists them;
-    none without a summary."""
+    """Names of the component files and exports of an earlier run, from the folder's summary.json; empty without one."""
     try:
         names = set(read_json(folder / SUMMARY, "the summary.json of an earlier map")["files"])
         exported = {name for name in names if Path(name).name == name and side_car(name) in names}
         own = {name for name in names if _OF_PART.fullmatch(name) or name in (REPORT, *OF_LINES)}
         return own | exported | {side_car(name) for name in exported}
-    except (ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
+    except (ValueError, LookupError, TypeError):  # missing, or not written by sonarmap: nothing is removed
         return set()
 
 
 @contextmanager
 def as_written(folder: Path) -> Iterator[None]:
-    """Values that `map` does not write are the fault of summary.json or graph.json, not of who uses them."""
+    """Turn errors in the block into an InputError: summary.json or graph.json hold values that `map` never writes."""
     try:
         yield
     except InputError:
@@ -84,13 +83,13 @@ def as_written(folder: Path) -> Iterator[None]:
 
 
 def write_summary(folder: Path, summary: Mapping[str, Any], also: Iterable[str] = ()) -> None:
-    """Write a map's summary.json, with the names of further files in its list."""
+    """Write a map's summary.json, with the file names `also` added to its list of files."""
     files = dict.fromkeys([*summary.get("files", ()), *also])
     write_json(folder / SUMMARY, {**summary, "files": list(files)})
 
 
 def checksums(written: Sequence[tuple[Path, Path]]) -> dict[str, dict[str, Any]]:
-    """Size and SHA-256 of files, by name, as `all_or_none` gives them: the temporary path of each and its own."""
+    """Size and SHA-256 by file name. `written`: (temporary path, final path) of each file, from `all_or_none`."""
     rows: dict[str, dict[str, Any]] = {}
     for temporary, path in written:
         with writing(path):
@@ -99,45 +98,44 @@ def checksums(written: Sequence[tuple[Path, Path]]) -> dict[str, dict[str, Any]]
 
 
 def require_own(folder: Path, summary: Mapping[str, Any], read: Iterable[str]) -> None:
-    """Refuse files of another run than summary.json's, by their sizes and, of those that are `read`, by their SHA-256.
-    Maps of earlier versions have no checksums."""
-    known, wanted = summary.get("checksums", {}), set(read)
-    for name, row in known.items():
+    """Raise InputError if a file is not from the run that wrote summary.json: its size differs, or, for the files in
+    `read`, its SHA-256. Maps of earlier versions have no checksums."""
+    recorded, hashed = summary.get("checksums", {}), set(read)
+    for name, row in recorded.items():
         path = folder / name
         if path.is_file() and (
-            path.stat().st_size != row["bytes"] or (name in wanted and sha256_of(path) != row["sha256"])
+            path.stat().st_size != row["bytes"] or (name in hashed and sha256_of(path) != row["sha256"])
         ):
             raise InputError(
-                f"{path} does not belong to {SUMMARY} beside it: its size or SHA-256 is another. It was changed, or a "
-                "run was killed while it wrote; run `sonarmap map` again, which continues from what is done"
+                f"{path} does not belong to {SUMMARY} beside it: its size or SHA-256 differs. It was changed, or a "
+                "run was killed while it wrote; run `sonarmap map` again, which continues where it stopped"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class TriedPair:
-    """A pair that was registered, and what became of it."""
+    """A pair of scans that was registered, and whether it was kept."""
 
-    target: int  # the index of a scan, as `source`
-    source: int
-    role: str  # what it was for, CHAIN or any other
+    target: int  # index of the target scan
+    source: int  # index of the source scan
+    role: str  # CHAIN, or a kind of loop closure
     kept: bool  # whether the estimate uses it
-    T_target_source: RigidTransform | None  # the registration's transform; None where it failed
+    T_target_source: RigidTransform | None  # the registered transform; None if registration failed
 
 
 def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
-    """The pairs of pairs.csv; columns that an evaluation does not need are ignored. `scans`: how many the survey
-    has."""
+    """The pairs in a pairs.csv of a survey of `scans` scans; columns that an evaluation does not need are ignored."""
     table = read_csv_table(path)
     return tuple(_pair(cells, scans, where) for where, cells in table.rows_by_name(_columns(table)))
 
 
 def _columns(table: CsvTable) -> dict[str, int]:
-    """Where the columns are that are needed."""
+    """Index of each required column."""
     heading = table.heading.cells
     for name in _COLUMNS:
         if heading.count(name) != 1:
             raise InputError(
-                f"{table.where()}: the column {name} is there {heading.count(name)} times; wanted "
+                f"{table.where()}: there are {heading.count(name)} columns {name}; wanted "
                 f"the columns {', '.join(_COLUMNS)} once each, as `sonarmap map` writes them"
             )
     return {name: heading.index(name) for name in _COLUMNS}

@@ -1,7 +1,7 @@
-"""What files say: point clouds to scans, poses and pose graphs, priors.
+"""Readers of scans, trajectories, pose graphs and priors.
 
-In: paths and patterns. Out: `Scan`, `Trajectory`, `PoseGraph`, `PosePrior`, and `notes`, a list to which is added what
-a user should know. A file that cannot be used raises InputError with its name, the line or packet, and what to do.
-Everywhere `scans` are as the readers name and stamp them, `stamps` those of the scans (N,) [s, UTC], `settings` the
-user's, and `where` a file and line for messages. A new scan format is a file in `clouds/` and a row of FORMATS.
+They take paths and patterns and return `Scan`, `Trajectory`, `PoseGraph` or `PosePrior`; messages for the user are
+appended to a list `notes`. An unusable file raises InputError with its name, the line or packet, and what to do.
+Common arguments: `scans` (named and stamped by the readers), `stamps` of the scans (N,) [s, UTC], `settings` of the
+user, and `where`, a file and line for messages. A new scan format is a file in `clouds/` and a row of FORMATS.
 """

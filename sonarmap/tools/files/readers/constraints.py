@@ -1,5 +1,5 @@
-"""Files that a person fills in: ties, which say what is right of pairs of scans, and control points, places in scans
-whose coordinates in the world are known."""
+"""Readers of ties, a person's verdicts on pairs of scans, and of control points, points in scans whose coordinates in
+the world are known."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,11 +35,11 @@ NOTE = "note"
 TRANSFORM = (*POSE, *SIGMAS)
 COLUMNS = (*NAMES, *TRANSFORM, NOTE)
 _VERDICTS: dict[str, Verdict] = {verdict: verdict for verdict in VERDICTS}
-# Nobody measures better, and the equations want no better; nor is a pair of scans farther apart [m, deg].
+# Bounds of the numbers in a tie [m, deg]; the smallest sigmas keep the information matrix well conditioned.
 _LEAST = {"sigma_m": 1e-4, "sigma_deg": 1e-3}
 _LARGEST = {"sigma_m": 1e4, "sigma_deg": 180.0} | dict.fromkeys(POSE[:3], 1e5) | dict.fromkeys(POSE[3:], 360.0)
 POINT = ("x_m", "y_m", "z_m")
-# East and North, one pair of these
+# Horizontal coordinates: a file has one of these pairs of columns
 LOCAL, EARTH, GRID = ("east_m", "north_m"), ("lat_deg", "lon_deg"), ("easting_m", "northing_m")
 UP = ("up_m", "height_m", "depth_m")
 SPREADS = ("sigma_m", "sigma_h_m", "sigma_v_m")
@@ -47,17 +47,17 @@ USES: dict[str, Use] = {"control": "control", "check": "check"}
 CONTROL_COLUMNS = ("name", "scan", *POINT, *LOCAL, *EARTH, *GRID, *UP, *SPREADS, "use")
 DEFAULT_SIGMA = 0.05  # [m]
 _SIGMA_BOUNDS = 1e-4, 1e4
-_FARTHEST = 20_000.0  # [m] beyond which eastings and northings are a grid's
+_FARTHEST = 20_000.0  # local coordinates beyond this must be eastings and northings of a grid [m]
 _COORDINATES = {"lat_deg": 90.0, "lon_deg": 180.0} | dict.fromkeys(GRID, 1e8)
-_MOST = 1000  # points; a survey has tens, and every estimate of the map weighs each of them
+_MOST = 1000  # control points per file; a survey has tens
 
 
 def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
-    """The ties of a CSV file with the columns target, source and verdict; for pairs with a transform POSE and SIGMAS.
+    """Read the ties of a CSV file with the columns target, source and verdict, and POSE and SIGMAS for transforms.
 
-    A transform is T_target_source (angles as docs/conventions.md has them), its standard deviation the same along and
-    about all axes. Lines that begin with # are comments. Ties are in the file's order, the scans of each in theirs: a
-    transform of a later scan to an earlier is turned around.
+    A transform is T_target_source (angles as in docs/conventions.md), with one standard deviation for all three axes of
+    translation and one for rotation. Lines that begin with # are comments. Ties are in the file's order; in each the
+    scans are in the survey's order, for which a transform is inverted if necessary.
     """
     table = read_csv_table(path)
     columns = _columns(table)
@@ -82,7 +82,7 @@ def _columns(table: CsvTable) -> dict[str, int]:
     missing = [name for name in TRANSFORM if name not in columns]
     if transform and missing:
         raise InputError(
-            f"{table.where()}: a transform wants a column {missing[0]} too; add it, or delete {transform[0]}"
+            f"{table.where()}: a transform needs a column {missing[0]} too; add it, or delete {transform[0]}"
         )
     return columns
 
@@ -109,7 +109,7 @@ def _tie(cells: Mapping[str, str], scans: Sequence[Scan], where: str) -> Tie:
 
 
 def _transform(cells: Mapping[str, str], where: str) -> tuple[RigidTransform, np.ndarray] | None:
-    """T_target_source and its (6, 6) covariance, rotation first [rad, m]; None where all cells are empty."""
+    """T_target_source and its covariance (6, 6), rotation first [rad, m]; None if all cells are empty."""
     if not any(cells.get(name) for name in TRANSFORM):
         return None
     values: dict[str, float] = {}
@@ -125,17 +125,17 @@ def _transform(cells: Mapping[str, str], where: str) -> tuple[RigidTransform, np
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    points: tuple[ControlPoint, ...]  # in the file's order, in the world of `georeference`, or of an unknown origin
-    georeference: Georeference | None  # where the world's origin lies on the Earth; None where that is not known
-    notes: tuple[str, ...]  # what a user should know, in words
+    points: tuple[ControlPoint, ...]  # in the file's order, in the world frame of `georeference`
+    georeference: Georeference | None  # of the world frame; None if its origin on the Earth is unknown
+    notes: tuple[str, ...]  # messages for the user
 
 
 def read_control(
     path: Path, scans: Sequence[Scan], georeference: Georeference | None = None, crs: str | None = None
 ) -> Control:
-    """The control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL, EARTH
-    or GRID, and one of UP; if need be SPREADS [m] and `use`, control or check. The georeference is that of the map so
-    far; where it is None the first latitude and longitude are it, rounded. `crs` is of eastings and northings."""
+    """Read the control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL,
+    EARTH or GRID, one of UP, and optionally SPREADS [m] and `use` (control or check). `georeference` is the map's; if
+    it is None, the first point's rounded latitude and longitude become the origin. `crs` is that of GRID columns."""
     if georeference is not None and georeference.heading != 90.0:
         raise InputError(
             "--origin-heading has no effect where control points place the map, whose x is East; leave it out"
@@ -145,7 +145,7 @@ def read_control(
     if (across == GRID) != (crs is not None):
         wrong = "--control-crs has no effect without the columns easting_m and northing_m; leave it out"
         if crs is None:
-            wrong = "easting_m and northing_m want to know of which grid: give --control-crs, as EPSG:25832"
+            wrong = "easting_m and northing_m need the CRS of their grid: give --control-crs, as EPSG:25832"
         raise InputError(f"{table.where()}: {wrong}")
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted a control point in each")
@@ -161,7 +161,7 @@ def read_control(
 
 
 def _control_columns(table: CsvTable) -> tuple[dict[str, int], tuple[str, str], str]:
-    """The place of each column, which pair says East and North, and which column says Up."""
+    """Index of each column, the pair of columns for East and North, and the column for Up."""
     columns = table.declared_columns(CONTROL_COLUMNS, ("name", "scan", *POINT), f"of {', '.join(CONTROL_COLUMNS)}")
     pairs = [pair for pair in (LOCAL, EARTH, GRID) if set(pair).intersection(columns)]
     if len(pairs) != 1 or not set(pairs[0]).issubset(columns):
@@ -176,7 +176,7 @@ def _control_columns(table: CsvTable) -> tuple[dict[str, int], tuple[str, str], 
 
 
 def _point(cells: Mapping[str, str], scans: Sequence[Scan], place: Sequence[str], where: str) -> ControlPoint:
-    """The point of a row as it stands: known are the numbers of the columns `place`."""
+    """The control point of a row, with `known` as the unconverted numbers of the columns `place`."""
     if not cells["name"]:
         raise InputError(f"{where}: the point has no name; fix that line")
     use = USES.get(cells.get("use", "").lower() or "control")
@@ -199,27 +199,27 @@ def _number(name: str, cell: str, where: str) -> float:
 
 
 def _sigmas(cells: Mapping[str, str], where: str) -> np.ndarray:
-    """(3,) along East, North and Up [m]."""
+    """Standard deviations (3,) along East, North and Up [m]."""
     wanted = f"a standard deviation from {_SIGMA_BOUNDS[0]:g} to {_SIGMA_BOUNDS[1]:g} m"
     given = {
         name: number_within(where, name, cells[name], _SIGMA_BOUNDS, wanted) for name in SPREADS if cells.get(name)
     }
     both = f"{SPREADS[1]} {{}} {SPREADS[2]}"
     if "sigma_m" in given and len(given) > 1:
-        raise InputError(f"{where}: there are sigma_m and {both.format('or')}; wanted one way; fix that line")
+        raise InputError(f"{where}: there are sigma_m and {both.format('or')}; wanted only one; fix that line")
     if len(given) == 1 and "sigma_m" not in given:
         raise InputError(f"{where}: {both.format('and')} can only be used together, and one is empty; fix that line")
-    level, upright = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SPREADS[1:])
-    return np.array([level, level, upright])
+    horizontal, vertical = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SPREADS[1:])
+    return np.array([horizontal, horizontal, vertical])
 
 
 def _local(
     values: np.ndarray, across: tuple[str, str], up: str, georeference: Georeference | None, crs: str | None,
     notes: list[str],
 ) -> tuple[np.ndarray, Georeference | None]:  # fmt: skip
-    """(n, 3) East, North and Up of the map's origin, and where that is."""
+    """East, North and Up (n, 3) [m] relative to the map's origin, and the georeference of that origin."""
     height = 0.0 if georeference is None else georeference.height
-    # heights count from the vertical reference, the others from the map's origin
+    # height_m is relative to the vertical reference, up_m and depth_m to the map's origin
     ups = {"up_m": values[:, 2], "depth_m": -values[:, 2], "height_m": values[:, 2] - height}[up]
     if across == LOCAL:
         return np.column_stack([values[:, :2], ups]), georeference
@@ -232,15 +232,15 @@ def _local(
 
 
 def _refuse_twins(path: Path, rows: Sequence[CsvRow], points: Sequence[ControlPoint]) -> None:
-    """A point has one place, and is in a scan once."""
+    """Raise InputError if a point has two sets of world coordinates, or occurs twice in a scan."""
     first: dict[str, tuple[int, ControlPoint]] = {}
     in_scan: dict[tuple[str, int], int] = {}
     for row, point in zip(rows, points, strict=True):
         line, same = first.setdefault(point.name, (row.line, point))
         if (same.known != point.known).any():
             raise InputError(
-                f"{path}: lines {line} and {row.line} give the point {point.name} other coordinates; fix one, or give "
-                "the points names of their own"
+                f"{path}: lines {line} and {row.line} give the point {point.name} different coordinates; fix one, or "
+                "give the points different names"
             )
         if (twin := in_scan.setdefault((point.name, point.scan), row.line)) != row.line:
             raise InputError(f"{path}: lines {twin} and {row.line} have {point.name} in the same scan; delete one")

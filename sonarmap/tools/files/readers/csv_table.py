@@ -1,4 +1,4 @@
-"""CSV files as offices and loggers write them: comma, semicolon or tab, decimal commas, byte-order marks, UTF-16."""
+"""CSV files of spreadsheets and loggers: comma, semicolon or tab, decimal commas, byte-order marks, UTF-16."""
 
 import codecs
 import csv
@@ -14,11 +14,11 @@ from sonarmap.tools.files.user_file import read_content
 
 SEPARATORS = (",", ";", "\t")
 
-# A spreadsheet takes a cell that begins with one of these for a formula, whoever named the scan; the wide forms are of
-# Japanese ones. Such a text has an apostrophe before it in our files, which says "text" to a spreadsheet's user.
+# Start of a cell that a spreadsheet would evaluate as a formula (with full-width signs in Japanese ones). Our files put
+# an apostrophe before such a text, which marks it as text for spreadsheets.
 _FORMULA = re.compile("'*[=+\\-@\uff1d\uff0b\uff0d\uff20]")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]")
-# How logs say that nothing was measured, beside an empty cell
+# Texts in lower case that logs write for a missing value
 MISSING = frozenset(("", "nan", "n/a", "na", "null", "none", "-", "--", "---"))
 _DEGREES = re.compile(
     r"([NSEW])?\s*([+-]?)(\d+(?:[.,]\d*)?|[.,]\d+)\s*[°ºd]?"  # degrees
@@ -28,13 +28,13 @@ _DEGREES = re.compile(
     re.IGNORECASE,
 )
 _HALVES = {"lat_deg": "NS", "lon_deg": "EW"}
-PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
-SUMMARY = "summary.json"  # of a finished map's folder
+PAIRS = "pairs.csv"  # table of registered pairs in the folder of `sonarmap map`
+SUMMARY = "summary.json"  # summary of a finished map in its folder
 
 
 @dataclass(frozen=True, slots=True)
 class CsvRow:
-    """A row: its `line` in the file, and its cells' texts (`text_of`) without blanks around them."""
+    """A row: its line number in the file, and the texts of its cells (`text_of`), stripped of blanks."""
 
     line: int
     cells: list[str]
@@ -44,15 +44,15 @@ class CsvRow:
 class CsvTable:
     path: Path
     heading: CsvRow  # the names of the columns
-    rows: list[CsvRow]  # that are not blank, in the file's order
-    notes: tuple[str, ...]  # what a user should know of how it was read, in words
+    rows: list[CsvRow]  # rows that are not blank, in the file's order
+    notes: tuple[str, ...]  # messages for the user about how it was read
     is_whole: bool  # whether the last line ends with a line break
 
     def where(self, row: CsvRow | None = None) -> str:
         return f"{self.path}: line {(row or self.heading).line}"
 
     def require_even(self) -> None:
-        """Refuse rows with more or fewer cells than the heading."""
+        """Raise InputError if a row has more or fewer cells than the heading."""
         wanted = len(self.heading.cells)
         for row in self.rows:
             if len(row.cells) != wanted:
@@ -63,15 +63,15 @@ class CsvTable:
                 )
 
     def rows_by_name(self, columns: Mapping[str, int]) -> Iterator[tuple[str, dict[str, str]]]:
-        """Of each row where it is, for messages, and the cells of these columns by their names."""
+        """For each row its file and line, for messages, and the cells of `columns` by name."""
         self.require_even()
         return ((self.where(row), {name: row.cells[k] for name, k in columns.items()}) for row in self.rows)
 
     def declared_columns(
         self, known: Sequence[str], required: Sequence[str], words: str, missing: str = ""
     ) -> dict[str, int]:
-        """The place of each column of a table that a person fills in, by its name in small letters. `words` say what is
-        wanted where a column has another name, `missing` where one of `required` is not there."""
+        """Index of each column by its lower-case name, for a table that a person fills in. The error about an unknown
+        column says that `words` are wanted; that about a missing one of `required` says `missing`."""
         names = [cell.lower() for cell in self.heading.cells]
         for k, name in enumerate(names):
             if name not in known:
@@ -88,8 +88,8 @@ class CsvTable:
 
 
 def read_csv_table(path: Path) -> CsvTable:
-    """The table of a file without its blank rows and lines that begin with #. The separator is what the heading has
-    most of: a comma, a semicolon or a tab; with the latter two a decimal comma is made a point."""
+    """Read the table of a file, without blank rows and lines that begin with #. The separator is the most frequent of
+    comma, semicolon and tab in the heading; with the latter two a decimal comma becomes a point."""
     lines, whole = _lines(path)
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted a heading and rows")
@@ -101,13 +101,13 @@ def read_csv_table(path: Path) -> CsvTable:
 
 
 def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
-    """The lines that are neither blank nor comments, numbered from 1; and whether the last one ends."""
+    """The lines that are neither blank nor comments, numbered from 1, and whether the last ends with a line break."""
     content = read_content(path, pipe=True)
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             content = content.decode("utf-16").encode()
         except UnicodeDecodeError as error:
-            raise InputError(f"{path} begins as UTF-16 and is not: {error}; save it as CSV in UTF-8") from error
+            raise InputError(f"{path} begins as UTF-16 but is not: {error}; save it as CSV in UTF-8") from error
     content = content.removeprefix(codecs.BOM_UTF8)
     lines = []
     for number, line in enumerate(content.splitlines(), 1):
@@ -131,14 +131,14 @@ def _row(path: Path, number: int, line: str, separator: str) -> CsvRow:
 
 
 def _with_point(cell: str) -> str:
-    """A number with a decimal comma with a point; anything else as it is."""
+    """The cell with a point for a decimal comma if it is a number; anything else unchanged."""
     changed = cell.replace(",", ".")
     is_number = cell.count(",") == 1 and "." not in cell and np.isfinite(number(changed))
     return changed if is_number else cell
 
 
 def cell_of(text: str) -> str:
-    """The cell of a text; a number stays as it is. `text_of` gives `plain_text` of it again."""
+    """The cell for a text, which `text_of` turns back into `plain_text(text)`; numbers are unchanged."""
     text = plain_text(text)
     return f"'{text}" if _FORMULA.match(text) and np.isnan(number(text)) else text
 
@@ -148,12 +148,12 @@ def text_of(cell: str) -> str:
 
 
 def plain_text(text: str) -> str:
-    """A text as a cell can have it: on one line, without blanks around it, and what is no UTF-8 as its number."""
+    """The text on one line, stripped of blanks, with backslash escapes for what is not UTF-8."""
     return _CONTROL.sub(" ", text).encode("utf-8", "backslashreplace").decode().strip()
 
 
 def number(cell: str) -> float:
-    """The number in a cell; NaN for anything else, NaN and infinity included."""
+    """The finite number in a cell; NaN for anything else."""
     try:
         value = float(cell) if "_" not in cell else np.nan
     except ValueError:
@@ -162,8 +162,8 @@ def number(cell: str) -> float:
 
 
 def numbers(cells: Sequence[str], strict: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The (n,) numbers of a column, NaN where there is none, and (n,) whether a cell holds something else. `strict`:
-    whether only an empty cell says that nothing was measured; otherwise also the words of logs."""
+    """The numbers (n,) of a column, NaN where there is none, and (n,) bool where a cell is neither a number nor a
+    missing value. `strict`: only an empty cell is a missing value, not the words in MISSING."""
     values = np.array([number(cell) for cell in cells], np.float64)
     empty = [not cell or (not strict and cell.lower() in MISSING) for cell in cells]
     return values, np.isnan(values) & ~np.array(empty, bool)
@@ -176,13 +176,13 @@ def index_of(cell: str, count: int) -> int | None:
 
 
 def degrees(cell: str, quantity: str) -> float:
-    """Decimal degrees of a latitude or longitude ("lat_deg" or "lon_deg"); NaN for anything else. Understood are
+    """Decimal degrees of a latitude or longitude ("lat_deg" or "lon_deg"); NaN for anything else. Accepted are
     decimal degrees, degrees and decimal minutes, and degrees, minutes and seconds, with a sign or with N, S, E or W
     before or after: `-5.3221`, `60 23.478 N`, `60°23'28.7"N`, `W 5:19,3`."""
     plain = number(cell)
     if np.isfinite(plain):
         return plain
-    parts = _DEGREES.fullmatch(" ".join(cell.split()))  # runs of blanks would be shared out in all ways
+    parts = _DEGREES.fullmatch(" ".join(cell.split()))  # runs of blanks would make the expression backtrack
     if not parts or (parts[1] and parts[6]):
         return np.nan
     half = (parts[1] or parts[6] or "").upper()
@@ -195,8 +195,8 @@ def degrees(cell: str, quantity: str) -> float:
 
 
 def place_of(text: str) -> list[float]:
-    """Latitude, longitude [deg] and the numbers behind them, separated by commas, or by semicolons, as decimal commas
-    need; NaN for anything else: `60.3913,5.3221`, `60°23.478'N, 5°19.326'E, 2.5`, `60,3913; 5,3221`."""
+    """Latitude, longitude [deg] and any further numbers, separated by commas or, with decimal commas, by semicolons;
+    NaN for anything else: `60.3913,5.3221`, `60°23.478'N, 5°19.326'E, 2.5`, `60,3913; 5,3221`."""
     parts = [part.strip() for part in text.split(";" if ";" in text else ",")]
     angles = [degrees(part, quantity) for part, quantity in zip(parts, _HALVES, strict=False)]
     return [*angles, *(number(part.replace(",", ".")) for part in parts[2:])]
@@ -207,7 +207,7 @@ def refuse(where: str, heading: str, cell: str, wanted: str) -> InputError:
 
 
 def number_within(where: str, name: str, cell: str, bounds: tuple[float, float], wanted: str) -> float:
-    """The number of a cell."""
+    """The number in a cell. Raises InputError: it is not a number within `bounds`."""
     value = number(cell)
     if not bounds[0] <= value <= bounds[1]:
         raise refuse(where, name, cell, wanted)

@@ -1,4 +1,4 @@
-"""One point cloud file to clouds. A new format is a file in clouds/ and a row of FORMATS."""
+"""Reading the clouds of one file of any format. A new format is a file in clouds/ and a row of FORMATS."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -23,8 +23,8 @@ from sonarmap.tools.files.readers.selection import SelectedFile
 from sonarmap.tools.files.readers.trajectory import places_at, read_tum
 from sonarmap.tools.files.user_file import Kind, naming, require_kind, unreadable
 
-TRAJECTORY = ".tum"  # the suffix of one beside a file of points
-_COARSEST = 0.01  # seconds between two numbers of a point's time; a vehicle moves centimeters in it
+TRAJECTORY = ".tum"  # suffix of a sensor trajectory beside a file of points
+_COARSEST = 0.01  # coarsest resolution of the points' times [s]: a vehicle moves centimeters in it
 _LISTED = 3  # scans without points that a note names
 
 
@@ -32,19 +32,19 @@ _LISTED = 3  # scans without points that a note names
 class Format(Kind):
     """A format of point clouds."""
 
-    # from a file's content to its clouds; None where `stream` reads it
+    # reads the clouds from a file's content; None if `stream` reads the format
     read: Callable[[bytes], list[Cloud]] | None = None
-    # for files larger than memory: from a path, and the topic that was chosen, to clouds one by one. It adds what the
-    # user should know of the file as a whole to the list, and goes on after what is damaged where it can.
+    # reads the clouds one by one from a path and a topic, for files larger than memory. It appends notes about the file
+    # as a whole to the list, and skips damaged parts where it can.
     stream: Callable[[Path, str | None, list[str]], Iterator[Cloud]] | None = None
-    has_sound_speed: bool = False  # whether clouds say with which speed of sound their ranges were computed
-    has_axes: bool = False  # whether the format says along which axes and in which unit its points are
+    has_sound_speed: bool = False  # whether clouds have the speed of sound with which ranges were computed
+    has_axes: bool = False  # whether the format defines the axes and the unit of points
     has_topics: bool = False
-    is_line: bool = False  # of pings, which `pings.patches` cuts into clouds that their own navigation places
+    is_line: bool = False  # whether it is a survey line of pings, which `pings.patches` cuts into clouds
 
 
 def _stream_sonar(path: Path, _: str | None, notes: list[str]) -> Iterator[Cloud]:
-    # wlsonar imports an HTTP client, for a third of a second
+    # imported late: wlsonar imports an HTTP client, which takes a third of a second
     from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 
     return stream_sonar(path, notes)
@@ -59,7 +59,7 @@ _LAS = Format("a LAS or LAZ file", rb"LASF", read_las)
 _TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
 
 _OF_POSES = (".tum", ".kitti", ".g2o")
-# Suffix -> format. Text comes last, as the start of a PLY or PCD file is text too.
+# Suffix -> format. Text is last because the start of a PLY or PCD file matches it too.
 FORMATS = {
     ".ply": Format("a PLY file", rb"ply[ \t]*[\r\n]", read_ply),
     ".pcd": Format("a PCD file", rb"# ?\.PCD|(?:\s*#[^\n]*\n)*\s*VERSION\s+0?\.\d", read_pcd),
@@ -80,7 +80,7 @@ FORMATS = {
 
 @dataclass(frozen=True, slots=True)
 class NamedCloud:
-    """A cloud, its file or ROS 2 bag, where in it the cloud is (for messages), and the name of its scan."""
+    """A cloud with its file or ROS 2 bag, its place in that file (for messages), and the name of its scan."""
 
     path: Path
     where: str
@@ -89,8 +89,8 @@ class NamedCloud:
 
 
 def clouds_of(selected: SelectedFile, notes: list[str], lines: LineReading = AS_LINES) -> Iterator[NamedCloud]:
-    """The clouds of one file that hold points, one by one; notes about the file are added to the list. A trajectory
-    NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time."""
+    """Yield the clouds of one file that have points; notes about the file are appended to `notes`. A trajectory
+    NAME.tum beside NAME.ply (or another suffix) gives the sensor's position at the time of each point."""
     with naming(selected.path):
         try:
             yield from _named(selected, _clouds_in(selected, notes, lines), notes)
@@ -99,7 +99,7 @@ def clouds_of(selected: SelectedFile, notes: list[str], lines: LineReading = AS_
 
 
 def format_of(path: Path) -> Format | None:
-    """Of a file by its suffix, or of a folder, which is a ROS 2 bag; None for an unknown suffix."""
+    """The format of a file by its suffix; a folder is a ROS 2 bag. None for an unknown suffix."""
     return _BAG_FOLDER if path.is_dir() else FORMATS.get(path.suffix.lower())
 
 
@@ -112,7 +112,7 @@ def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> 
     if known is not _BAG_FOLDER:
         require_kind(path, FORMATS)
     if selected.topic is not None and not known.has_topics:
-        raise InputError(f"::{selected.topic} names a topic, and {known.kind} has none; leave it out")
+        raise InputError(f"::{selected.topic} names a topic, but {known.kind} has none; leave it out")
     if known.is_line:
         clouds = line_clouds(path, notes, lines)
     elif known.stream is not None:
@@ -129,7 +129,7 @@ def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> 
 
 
 def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
-    """The clouds, whose numbers take eight bytes each from here on, whatever they took in the file."""
+    """The clouds, checked so that their points as float64 take memory in proportion to the file's size."""
     size = sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]) if file.is_file())
     for cloud in clouds:
         require_believable(f"a cloud of {len(cloud.points):,} points", size, len(cloud.points) * POINT_BYTES)
@@ -137,7 +137,7 @@ def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
 
 
 def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:
-    """The clouds with points that were selected; numbered where the file holds several."""
+    """The selected clouds that have points; their names have a number if the file holds several."""
     count, empty, first = 0, list[str](), list(islice(clouds, 2))
     stem = selected.path.name if selected.path.is_dir() else selected.path.stem
     for k, cloud in enumerate(chain(first, clouds)):
@@ -163,8 +163,8 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
 
 def _with_viewpoints(cloud: Cloud, path: Path) -> Cloud:
     """The cloud with a viewpoint per point, interpolated between the positions of the trajectory at `path`: a TUM file
-    whose poses are T_scan_sensor, by the clock of the cloud's times [s]. One that has viewpoints keeps them, and one
-    without times stays as it is; a note says so."""
+    of T_scan_sensor, with the same clock as the cloud's times [s]. A cloud that has viewpoints, or no times, is not
+    changed except for a note."""
     if cloud.viewpoints is not None:
         return replace(cloud, notes=(*cloud.notes, f"{path.name} is not used: the points have viewpoints of their own"))
     if cloud.times is None:
@@ -186,7 +186,7 @@ def _require_within(cloud: Cloud, times: np.ndarray, trajectory: Trajectory, pat
             f"(double), or count them, and those of {path.name}, from the scan's start"
         )
     with np.errstate(invalid="ignore"):
-        finite = np.isfinite(cloud.points).all(axis=1)  # the others are dropped, whatever their time
+        finite = np.isfinite(cloud.points).all(axis=1)  # other points are dropped later, so their times do not matter
     outside = finite & ~((times >= first) & (times <= last))  # NaN is outside too
     if outside.any():
         raise InputError(

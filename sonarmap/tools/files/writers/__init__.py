@@ -1,5 +1,4 @@
-"""What is written: points, trajectories, pose graphs, priors, tables, JSON.
+"""Writers of point clouds, trajectories, pose graphs, priors, tables and JSON.
 
-In: arrays, trajectories, graphs. Out: files that appear whole or not at all (`atomic.py`); where one cannot be written,
-InputError.
+Every file is written atomically (`atomic.py`): it appears whole or not at all. A failed write raises InputError.
 """

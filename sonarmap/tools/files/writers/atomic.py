@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, one by one or a set of them together."""
+"""Atomic writing of a file, or of several files together, and locks of folders."""
 
 import os
 import shutil
@@ -11,24 +11,24 @@ from secrets import token_hex
 
 from sonarmap.kernels.errors import InputError
 
-LEFTOVER_PREFIX = ".sonarmap."  # of temporary names
-# Of `all_or_none`: temporary files, whole and on disk, and what they will be called.
+LEFTOVER_PREFIX = ".sonarmap."  # of the names of temporary files
+# (temporary path, final path) of the complete files that `all_or_none` will rename
 _waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
-appeared: list[Path] = []  # every file that this program has written so far, whole under its name
+appeared: list[Path] = []  # final paths of all files that this process has written
 
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path` to write to; renamed to `path` when the block ends well, removed otherwise. The
-    folder is made where it is missing. A full disk, a missing permission and the like raise InputError, and whatever
-    stood under `path` before stays as it was. Inside `all_or_none` the renaming waits for that block's end."""
+    """A temporary path beside `path` to write to. When the block ends, the file is renamed to `path`; after an error it
+    is removed, and an earlier file at `path` is unchanged. The folder is created if it is missing. A full disk, a
+    missing permission and the like raise InputError. Inside `all_or_none` the file is renamed when that block ends."""
     path = Path(path)
     if path.is_dir():
         raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
     temporary, waiting = path.with_name(f"{LEFTOVER_PREFIX}{token_hex(8)}{path.suffix}"), _waiting.get()
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.touch(exist_ok=False)  # with the permissions of any new file, which tempfile's have not
+        temporary.touch(exist_ok=False)  # tempfile would restrict the permissions
     try:
         with writing(path):
             yield temporary
@@ -46,12 +46,11 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
-    """What `atomic_path` writes inside the block appears when it ends well, all of it; nothing otherwise.
+    """Rename all files that `atomic_path` writes in the block when it ends; after an error remove all of them.
 
-    The disk may fill up or the user stop it halfway: results that belong together are never of two runs. Only the
-    renaming of files that are already whole on disk, one right after the other, is left for the end. A block inside
-    another is a part of it. It gives what has been written so far, growing: the temporary name under which it is whole
-    on disk, and its own.
+    Files that belong together are thus never from two runs, even if the disk fills up or the user stops the program. At
+    the end of the block only complete files on disk are renamed, one right after the other. A nested block is part of
+    the outer one. Yields the growing list of (temporary path, final path) of the files written so far.
     """
     outer = _waiting.get()
     if outer is not None:
@@ -72,7 +71,7 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Remove the temporary files and folders of a run that was killed; only for who has the folder to itself."""
+    """Remove the temporary files and folders of a run that was killed. The caller must hold the folder's write lock."""
     for path in folder.glob(f"{LEFTOVER_PREFIX}*"):
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -81,13 +80,13 @@ def clear_leftovers(folder: Path) -> None:
 
 
 def require_writable(folder: Path, make: bool = True) -> None:
-    """Refuse a folder that cannot be written before hours are spent on what should go into it; with `make` it is made
-    if missing, else the first folder above that is there is looked at."""
+    """Raise InputError if a folder cannot be written, before hours of computation. With `make` a missing folder is
+    created, otherwise its nearest existing parent is checked."""
     with writing(folder):
         if make:
             folder.mkdir(parents=True, exist_ok=True)
-        there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
-        tempfile.TemporaryFile(dir=there).close()
+        existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+        tempfile.TemporaryFile(dir=existing).close()
 
 
 def discard(path: Path) -> None:
@@ -97,22 +96,22 @@ def discard(path: Path) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """An OSError of the block is an InputError that says what to do where a file or a folder cannot be written."""
+    """Turn an OSError in the block into an InputError that says what to do if `path` cannot be written."""
     try:
         yield
     except OSError as error:
         raise InputError(
             f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
-            "its permissions; what was there before is as it was. 'sonarmap doctor OUT' looks at a folder OUT and its "
+            "its permissions; earlier files there are unchanged. 'sonarmap doctor OUT' checks a folder OUT and its "
             "disk."
         ) from error
 
 
 @contextmanager
 def locked(folder: Path, writing: bool) -> Iterator[None]:
-    """Keep other runs of sonarmap from a folder, whose files are to be of one run, while the block lasts; with
-    `writing` those that read it too. The lock ends with the process at the latest. Nothing is locked where there is no
-    such folder, or no such locks, as on some network file systems. Who writes removes what killed runs left there."""
+    """Lock a folder against runs of sonarmap that write to it, or with `writing` also against those that read it. The
+    lock ends with the block or the process. A missing folder is not locked, nor one on a file system without locks, as
+    some network file systems. With `writing` the temporary files of killed runs are removed."""
     descriptor = _lock(folder, writing)
     try:
         if writing and descriptor is not None:
@@ -124,12 +123,12 @@ def locked(folder: Path, writing: bool) -> Iterator[None]:
 
 
 def _lock(folder: Path, writing: bool) -> int | None:
-    """A descriptor that holds the lock until it is closed. Of the folder itself: no file is left behind."""
+    """A descriptor of the folder itself, so that no lock file is needed, which holds the lock until it is closed."""
     try:
         from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
 
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except (ImportError, OSError):  # Windows; and whoever reads a missing folder says so
+    except (ImportError, OSError):  # Windows, or a missing folder, which the caller reports
         return None
     try:
         flock(descriptor, (LOCK_EX if writing else LOCK_SH) | LOCK_NB)
@@ -140,6 +139,6 @@ def _lock(folder: Path, writing: bool) -> int | None:
             f"{folder} is in use: another run of sonarmap is {others}. Wait until it has ended, and run the same "
             "command again; or use another folder"
         ) from error
-    except OSError:  # no such locks here
+    except OSError:  # a file system without locks
         pass
     return descriptor

@@ -1,4 +1,4 @@
-"""Point clouds to PLY files, binary, with a property per column."""
+"""Writer of point clouds as binary PLY files, with a property per column."""
 
 import re
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.writers.atomic import atomic_path
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-_FLOAT32_REACH = 2048.0  # [m]: up to here float32 is 0.06 mm off at most
+_FLOAT32_REACH = 2048.0  # coordinates up to which float32 rounds by 0.06 mm at most [m]
 _PLY_TYPES = {
     "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint",
     "f4": "float", "f8": "double",
@@ -18,7 +18,7 @@ _PLY_TYPES = {
 
 
 def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PLY, little endian."""
+    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to a binary PLY file (little endian)."""
     records = pack_records(points, columns)
     fields = [(name, records.dtype[name]) for name in records.dtype.names or ()]
     lines = [
@@ -32,9 +32,9 @@ def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.nda
 
 
 def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -> np.ndarray:
-    """(N,) packed little-endian records: x, y, z, then every column {name: (N,)} of numbers in its order. Points (N, 3)
-    [m] of float64 are kept, any others become float32. 64-bit integers, which PLY does not know, become 32-bit ones
-    where they all fit and float64 where they don't; booleans become 0 and 1."""
+    """Packed little-endian records (N,) of x, y, z and the columns {name: (N,)} in their order. Points (N, 3) [m] stay
+    float64, or become float32 if they are of any other type. 64-bit integers, which PLY does not have, become 32-bit
+    integers if all values fit, otherwise float64; booleans become 0 and 1."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points to write have shape {points.shape}; wanted (N, 3)")
     points = points.astype(np.float64 if points.dtype == np.float64 else np.float32, copy=False)
@@ -69,9 +69,9 @@ def _portable(name: str, column: np.ndarray) -> np.ndarray:
 
 
 def float32_origin(points: np.ndarray) -> np.ndarray:
-    """(3,) float64: what to subtract of points (N, 3) [m] so that float32 keeps them to 0.1 mm; a multiple of 100 m. It
-    is 0 along each axis where they lie within 2048 m already. Points that lie more than 4 km apart lose more: 0.12 mm
-    up to 4 km from the origin, and so on in proportion."""
+    """Offset (3,) float64 to subtract from points (N, 3) [m] so that float32 keeps them to 0.1 mm: a multiple of 100 m,
+    and 0 along axes on which all points lie within 2048 m. For points more than 4 km apart the rounding error grows in
+    proportion: 0.12 mm up to 4 km from the offset."""
     if len(points) == 0:
         return np.zeros(3)
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)

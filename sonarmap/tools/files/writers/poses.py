@@ -1,6 +1,6 @@
-"""Trajectories as TUM and pose graphs as g2o, with every digit that float64 has.
+"""Writers of trajectories as TUM and of pose graphs as g2o, in full float64 precision.
 
-TUM has a pose per line, `stamp tx ty tz qx qy qz qw`. What the numbers of g2o mean its reader says.
+TUM has a pose per line, `stamp tx ty tz qx qy qz qw`. The g2o conventions are in `readers.g2o`.
 """
 
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -24,26 +24,26 @@ _NONE: Mapping[int, Edge] = MappingProxyType({})
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
-    """Write T_world_sensor and the stamps."""
+    """Write the stamps and poses T_world_sensor of a trajectory to a TUM file."""
     poses = (" ".join(f"{x:.17g}" for x in pose) for pose in pose_numbers(trajectory.T_world_sensor).tolist())
-    # repr is the shortest text that reads back as the same float64: microseconds of today's epoch seconds survive
+    # repr is the shortest text that reads back as the same float64, so stamps keep their microseconds
     rows = [f"{stamp!r} {pose}\n" for stamp, pose in zip(trajectory.stamps.tolist(), poses, strict=True)]
     with atomic_path(path) as temporary:
         temporary.write_text("".join([HEADER, *rows]))
 
 
 def pose_numbers(T: RigidTransform) -> np.ndarray:
-    """(N, 7) float64: x y z [m] and the quaternion x y z w, w >= 0, of N transforms."""
+    """Numbers (N, 7) float64 of N transforms: x y z [m] and the quaternion x y z w, w >= 0."""
     return np.hstack([T.translation, T.rotation.as_quat(canonical=True)])
 
 
 def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:
-    """Write poses, fixed poses, what is known of single ones (lines of EDGE_SE3_PRIOR), and edges; vertex k is pose k,
-    without those `left_out`, which nothing places. Translations are kept to the last bit, quaternions to its rounding,
-    covariances to that of inverting them. Stamps have no place in the format."""
+    """Write a pose graph to a g2o file: poses, fixed poses, priors of single poses (EDGE_SE3_PRIOR) and edges. Vertex k
+    is pose k; poses in `left_out` are not written. Translations are exact, quaternions and covariances (which are
+    inverted) exact to rounding. The format has no stamps."""
     prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
     if prior is not None:
-        raise InputError(f"edge {prior.name} is a prior, and {EDGE} knows none; give it as a `KnownPose`")
+        raise InputError(f"edge {prior.name} is a prior, which {EDGE} cannot hold; give it as a `KnownPose`")
     poses = pose_numbers(graph.trajectory.T_world_sensor).tolist()
     lines = [_line(f"{VERTEX} {k}", pose) for k, pose in enumerate(poses) if k not in left_out]
     lines += [f"{FIX} {pose}\n" for pose in graph.fixed]
@@ -64,10 +64,10 @@ def rewrite_g2o(
     left_out: Container[int] = (),
     repaired: Mapping[int, Edge] = _NONE,
 ) -> None:
-    """Write `source`, a file that `read_g2o` has read, again with other poses; all else, comments and the edges' digits
-    too, stays as it is. `trajectory` has the poses of its vertices, each with its vertex's id for a stamp, as
-    `read_g2o` gives them. Edges are counted from 0 in the file's order: those `left_out` are dropped, those `repaired`
-    are written with the information that they have now."""
+    """Copy the g2o file `source` with new poses; all else, including comments and the digits of edges, is unchanged.
+    `trajectory` has the poses of its vertices, with the vertex id as the stamp, as `read_g2o` returns them. Edges are
+    numbered from 0 in the file's order: those in `left_out` are dropped, those in `repaired` get the information of the
+    given edge."""
     numbers = pose_numbers(trajectory.T_world_sensor).tolist()
     poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}
     lines, edges = [], 0
@@ -90,18 +90,18 @@ def rewrite_g2o(
 
 
 def _known_lines(known: Sequence[KnownPose]) -> list[str]:
-    """What is known of poses, and the sensor's place on the vehicle to which it refers: that of the vertex itself."""
+    """Lines of priors of single poses, preceded by the identity as the sensor offset to which they refer."""
     if not known:
         return []
-    poses = pose_numbers(RigidTransform.concatenate([each.T_world_pose for each in known])).tolist()
+    poses = pose_numbers(RigidTransform.concatenate([prior.T_world_pose for prior in known])).tolist()
     lines = [f"{OFFSET} 0 0 0 0 0 0 0 1\n"]
-    for each, pose in zip(known, poses, strict=True):
-        lines.append(_line(f"{PRIOR} {each.pose} 0", [*pose, *_upper(each.information)]))
+    for prior, pose in zip(known, poses, strict=True):
+        lines.append(_line(f"{PRIOR} {prior.pose} 0", [*pose, *_upper(prior.information)]))
     return lines
 
 
 def _upper(information: np.ndarray) -> list[float]:
-    """The 21 numbers of a (6, 6) information in g2o's order."""
+    """The 21 numbers of the upper triangle of an information matrix (6, 6), in g2o's order."""
     return information[np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)][UPPER].tolist()
 
 

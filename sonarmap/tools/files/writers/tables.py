@@ -1,4 +1,4 @@
-"""Tables as CSV, the template of a priors file, and values of any kind as JSON."""
+"""Writers of CSV tables, priors files and their templates, and JSON."""
 
 import json
 import math
@@ -16,12 +16,12 @@ from sonarmap.tools.files.readers.csv_table import cell_of
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, sigmas_of, values_of
 from sonarmap.tools.files.writers.atomic import atomic_path
 
-# Some spreadsheets divide cells at semicolons too; a line that begins with # would be a comment.
+# Cells to quote: some spreadsheets split at semicolons too, and a line that begins with # would be a comment.
 _QUOTED = re.compile(r'[",;]|^#')
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
-    """Write rows of texts and numbers under their columns' names; a text as `cell_of` has it."""
+    """Write rows of texts and numbers below a heading of column names; `cell_of` escapes texts."""
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"{','.join(map(_quoted, cells))}\n" for cells in (columns, *rows))
 
@@ -32,13 +32,13 @@ def _quoted(value: object) -> str:
 
 
 def require_new(path: Path) -> None:
-    """Refuse to write over a file, as what was filled in would be lost."""
+    """Raise InputError if the file exists: overwriting it would lose what a user filled in."""
     if path.exists():
-        raise InputError(f"{path} is there already; remove it, or give the template another name")
+        raise InputError(f"{path} exists already; remove it, or give the template another name")
 
 
 def write_template(path: Path, names: Sequence[str], stamps: Sequence[float]) -> None:
-    """Write one row per scan with its name and stamp [s], and all columns of measurements empty, to be filled in."""
+    """Write a priors template to fill in: per scan a row with its name and stamp [s] and empty measurements."""
     require_new(path)
     empty = [""] * (len(COLUMNS) + len(SIGMA_COLUMNS))
     rows = ([name, f"{stamp:.6f}", *empty] for name, stamp in zip(names, stamps, strict=True))
@@ -46,7 +46,7 @@ def write_template(path: Path, names: Sequence[str], stamps: Sequence[float]) ->
 
 
 def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) -> None:
-    """Write one row per scan, with the columns of what any of them measured; nothing in a cell that one did not."""
+    """Write one row per scan with the columns that at least one scan measured; a cell not measured is empty."""
     values = np.array([values_of(prior.T_world_sensor) for prior in priors])
     sigmas = np.array([sigmas_of(prior) for prior in priors])
     known = np.isfinite(sigmas)
@@ -60,17 +60,17 @@ def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) 
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a mapping of anything that `to_json` takes as JSON. Every name of a mapping has a line of its own, and so
-    has every item of a list that is a list or a mapping itself. Raises TypeError: a value that JSON has no form for;
-    InputError: the file cannot be written."""
+    """Write a mapping of values that `to_json` accepts as JSON, with a line per key of a mapping, and per item of a
+    list of lists or mappings. Raises TypeError: a value that JSON cannot represent; InputError: the file cannot be
+    written."""
     text = _in_lines(to_json(content))
     with atomic_path(path) as temporary:
-        # A file name that is no UTF-8 holds lone surrogates; written with a backslash they are JSON's own escapes.
+        # A file name that is not UTF-8 holds lone surrogates; backslashreplace writes them as JSON escapes.
         temporary.write_bytes(f"{text}\n".encode("utf-8", "backslashreplace"))
 
 
 def _in_lines(value: Any, indent: str = "\n") -> str:
-    """A value in JSON's types as text; `indent` is a line break and the blanks that its last line begins with."""
+    """JSON text of a value, one item per line; `indent` is a line break and the blanks before the closing bracket."""
     deeper = indent + "  "
     if isinstance(value, dict) and value:
         items = (f"{_in_line(name)}: {_in_lines(item, deeper)}" for name, item in value.items())
@@ -85,8 +85,8 @@ def _in_line(value: Any) -> str:
 
 
 def to_json(value: Any) -> Any:
-    """A value in JSON's types: NumPy's, dataclasses, tuples, sets and paths included; NaN and infinity are null. Raises
-    TypeError: a value that JSON has no form for."""
+    """Convert a value to JSON's types, including NumPy values, dataclasses, tuples, sets and paths; NaN and infinity
+    become null. Raises TypeError: a value that JSON cannot represent."""
     if isinstance(value, np.ndarray | np.generic):
         return to_json(value.tolist())
     if isinstance(value, float):
@@ -103,4 +103,4 @@ def to_json(value: Any) -> Any:
         return str(value)
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: to_json(getattr(value, field.name)) for field in fields(value)}
-    raise TypeError(f"a {type(value).__name__} has no form in JSON; give numbers, text, lists or mappings")
+    raise TypeError(f"JSON cannot represent a {type(value).__name__}; give numbers, text, lists or mappings")

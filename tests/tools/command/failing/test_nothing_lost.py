@@ -96,7 +96,7 @@ def test_a_file_that_grows_too_large_leaves_earlier_results(
     monkeypatch.setattr(f"{module}._write_files", small_files()(write_files))
     arguments = ["simulate"] if verb == "simulate" else ["map", *scans, *GRID]
     result = sonarmap(*arguments, "-o", out)
-    refused(result, f"error: cannot write {out}", "File too large", "what was there before is as it was")
+    refused(result, f"error: cannot write {out}", "File too large", "earlier files there are unchanged")
     assert results_in(out) == before
 
 

@@ -173,7 +173,7 @@ SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
     ("rows", "words"),
     [
         ([], "holds no line but comments"),
-        (["a,b"], "line 1: the column target is there 0 times"),
+        (["a,b"], "line 1: there are 0 columns target"),
         ([HEADING, SOUND, "0,1,loop,yes,told,1,2"], "line 3: it has 7 cells where the heading has 11"),
         ([HEADING, SOUND.replace("0,1", "0,6")], "line 2: source is '6'"),
         ([HEADING, SOUND.replace("2,3", "nan,3")], "line 2: y_m is 'nan'"),

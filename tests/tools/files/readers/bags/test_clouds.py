@@ -185,7 +185,7 @@ class TestTopics:
         words = r"no messages of type sensor_msgs/msg/PointCloud2 or .* are /chatter"
         refuses(words, read_scans, [write_ros1(tmp_path / "a.bag", [CHATTER])])
         (tmp_path / "a.xyz").write_text("1 2 3\n")
-        refuses("::/points names a topic, and text has none; leave it out", read_scans, [f"{tmp_path}/a.xyz::/points"])
+        refuses("::/points names a topic, but text has none; leave it out", read_scans, [f"{tmp_path}/a.xyz::/points"])
 
 
 class TestFolders:
