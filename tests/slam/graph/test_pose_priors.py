@@ -196,7 +196,7 @@ def test_priors_of_other_programs_count_the_same(head: str, tmp_path: Path) -> N
         (["EDGE_SE3_PRIOR:QUAT 0 0 0 0"], "line 2 has 4 columns; wanted 30"),
         (
             ["PARAMS_SE3OFFSET 0 0 0 1 0 0 0 1", "EDGE_SE3_PRIOR 0 0 0 0 0 0 0 0 1 " + " ".join(["0"] * 21)],
-            "line 2: priors of a sensor that is not where the vertex is",
+            "line 2: priors with a sensor offset are not supported",
         ),
     ],
 )

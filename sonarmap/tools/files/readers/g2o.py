@@ -1,14 +1,13 @@
-"""g2o pose graphs: VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR and FIX, read strictly.
+"""Strict reader of g2o pose graphs: VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR and FIX.
 
-A prior's numbers are a pose in the world and its information, in the axes of that pose; directions that are not known
-have none. PARAMS_SE3OFFSET, a sensor's place on the vehicle to which priors refer, has to be the identity. Other
-programs write EDGE_SE3_PRIOR:QUAT, with the vertex again for the number of that offset, or without one.
+A prior is a pose in the world and its information in the axes of that pose, zero in unconstrained directions.
+PARAMS_SE3OFFSET, the sensor's pose on the vehicle to which priors refer, must be the identity. Other programs write
+EDGE_SE3_PRIOR:QUAT, with the vertex repeated in place of the number of that offset, or without it.
 
-The 21 numbers after an edge's quaternion are the upper triangle of its information matrix, translation
-first. Its rotational part is taken as that of a rotation vector [rad], which is what GTSAM, SE-Sync and the
-published benchmark costs do. g2o's own solver measures that error by the vector part of the quaternion, half
-the angle: it gives the same numbers a quarter of the weight. Files say nowhere which is meant; the common reading
-is followed.
+The 21 numbers after an edge's quaternion are the upper triangle of its information matrix, translation first. Its
+rotational part is that of a rotation vector [rad], as in GTSAM, SE-Sync and the published benchmark costs. g2o's own
+solver uses the vector part of the quaternion, half the angle, so the same numbers weigh a quarter there. The format
+does not define which is meant.
 """
 
 from collections import defaultdict
@@ -33,35 +32,34 @@ VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
 PRIOR, PRIOR_QUAT, OFFSET = "EDGE_SE3_PRIOR", "EDGE_SE3_PRIOR:QUAT", "PARAMS_SE3OFFSET"
 KNOWN = (VERTEX, EDGE, PRIOR, PRIOR_QUAT, FIX, OFFSET)
 UPPER = np.triu_indices(6)
-TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # from g2o's order to ours, and back
+TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # permutes g2o's order of axes to ours, and back
 
 _POSE = "x y z qx qy qz qw"
 _VERTEX_LAYOUT = f"id {_POSE}"
 _EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
-# Least eigenvalue of a repaired information, as a share of its largest; what is less than a share of that is no more
-# than rounded, and needs the repair.
-_LEAST, _ROUNDED = 1e-6, 1e-8
-_LEAST_LARGEST = 1e-20  # what the largest eigenvalue is taken for where it is less
+_LEAST = 1e-6  # smallest eigenvalue of a repaired information matrix, relative to its largest
+_ROUNDED = 1e-8  # an information matrix is repaired if an eigenvalue is below this times _LEAST times the largest
+_LEAST_LARGEST = 1e-20  # lower bound of the largest eigenvalue
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
-_MOST_PARTS = 4  # that a message lists
+_MOST_PARTS = 4  # components, and runs of ids in each, that a message lists
 _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
 
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """An edge whose information matrix was not positive definite, and has been made so."""
+    """An edge whose information matrix was not positive definite and has been repaired."""
 
-    edge: int  # its number, counted from 0 in the file's order
-    words: str  # its line, its vertices and what was changed
+    edge: int  # index of the edge in the file's order
+    words: str  # message with the line, the vertices and the change
 
 
 def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
-    """A pose graph; pose k is the vertex of k-th smallest id, and its stamp is that id. Edges between consecutive poses
-    are "sequential", others "loop". Quaternions are normalized.
+    """Read a pose graph; pose k is the vertex with the k-th smallest id, and its stamp is that id. Edges between
+    consecutive poses are "sequential", others "loop". Quaternions are normalized.
 
-    Edges whose information matrix is not positive definite are refused without `repairs`; else its eigenvalues below a
-    millionth of the largest are raised to it, so that what the edge would push away from, or does not know, is as good
-    as unknown, and what was done is added to `repairs`.
+    An information matrix that is not positive definite is an InputError without `repairs`. With it, eigenvalues below a
+    millionth of the largest are raised to that value, so that the edge hardly constrains these directions, and the
+    repair is appended to `repairs`.
     """
     lines = _by_tag(path)
     if not lines[VERTEX]:
@@ -87,7 +85,7 @@ def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
 
 
 def require_connected(path: Path, graph: PoseGraph) -> None:
-    """Refuse a graph whose edges leave it in parts, which have no common frame."""
+    """Raise InputError if the graph is not connected, as its components have no common frame."""
     parts = graph.components
     if len(parts) == 1:
         return
@@ -110,7 +108,7 @@ def _listed(ids: np.ndarray) -> str:
 
 
 def _by_tag(path: Path) -> dict[str, list[Line]]:
-    """The lines of every tag, without it."""
+    """The lines by tag, without the tag; EDGE_SE3_PRIOR:QUAT is converted to EDGE_SE3_PRIOR."""
     lines: dict[str, list[Line]] = defaultdict(list)
     for number, line in read_lines(path):
         tag, *rest = line.split(maxsplit=1)
@@ -146,7 +144,7 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[R
     edges = []
     for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
         where = f"{path}: line {number}"
-        i, j = (_known(index, vertex, where) for vertex in pair)
+        i, j = (_pose_of(index, vertex, where) for vertex in pair)
         registration = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "read from a file")
         with naming(where):
             edges.append(Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop"))
@@ -154,7 +152,7 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[R
 
 
 def _repaired(information: np.ndarray, lines: list[Line], ends: np.ndarray, repairs: list[Repair]) -> np.ndarray:
-    """(m, 6, 6), of those that are not positive definite no eigenvalue below `_LEAST` of the largest; each is told."""
+    """Information matrices (m, 6, 6), repaired where not positive definite; every repair is appended to `repairs`."""
     values, axes = np.linalg.eigh(information)
     least = _LEAST * np.maximum(values[:, -1:], _LEAST_LARGEST)
     information = information.copy()
@@ -172,11 +170,11 @@ def _repaired(information: np.ndarray, lines: list[Line], ends: np.ndarray, repa
 
 
 def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.ndarray:
-    """(m, 6, 6) in our order, from the information matrices (m, 6, 6) in the file's."""
+    """Covariances (m, 6, 6), rotation first, of information matrices (m, 6, 6) in the file's order."""
     try:
         np.linalg.cholesky(information)
         covariances = np.linalg.inv(information)
-    except np.linalg.LinAlgError:  # which says that there is one, but not which
+    except np.linalg.LinAlgError:  # it does not say which matrix is at fault
         for (number, _), matrix in zip(lines, information, strict=True):
             with naming(f"{path}: line {number}", "; or use `repairs`, which does"):
                 check_definite(matrix, "the information matrix")
@@ -184,7 +182,7 @@ def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.n
     vague = np.flatnonzero(~(np.abs(covariances).max(axis=(1, 2)) <= LARGEST_INFORMATION))
     if len(vague):
         raise InputError(
-            f"{path}: line {lines[vague[0]][0]}: its information is as good as none in some direction (a variance "
+            f"{path}: line {lines[vague[0]][0]}: its information is nearly zero in some direction (a variance "
             f"beyond {LARGEST_INFORMATION:g}); delete the line, or use `repairs`"
         )
     covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
@@ -192,7 +190,7 @@ def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.n
 
 
 def _measured(path: Path, lines: list[Line]) -> tuple[np.ndarray, RigidTransform, np.ndarray]:
-    """Of m edges or priors: (m, 2) ids, the transforms, and (m, 6, 6) information matrices in the file's order."""
+    """Ids (m, 2), transforms (m,) and information matrices (m, 6, 6), in the file's order, of m edges or priors."""
     rows = finite_rows(path, lines, _EDGE_LAYOUT)
     ids, measured = _ids(path, lines, rows[:, :2]), transforms(path, lines, rows[:, 2:9])
     information = np.zeros((len(lines), 6, 6))
@@ -201,7 +199,7 @@ def _measured(path: Path, lines: list[Line]) -> tuple[np.ndarray, RigidTransform
 
 
 def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]) -> tuple[KnownPose, ...]:
-    """What the file says of single poses."""
+    """The priors of single poses."""
     if not lines[PRIOR]:
         return ()
     _require_no_offset(path, lines[OFFSET])
@@ -212,7 +210,7 @@ def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]
         lines[PRIOR], ids.tolist(), measured, informations, strict=True
     ):
         where = f"{path}: line {number}"
-        pose = _known(index, vertex, where)
+        pose = _pose_of(index, vertex, where)
         with naming(where):
             known.append(KnownPose(pose, T, information))
     return tuple(known)
@@ -223,8 +221,8 @@ def _require_no_offset(path: Path, lines: list[Line]) -> None:
         row = finite_rows(path, [(number, line)], f"id {_POSE}")[0]
         if not np.allclose(row[1:], _IDENTITY):
             raise InputError(
-                f"{path}: line {number}: priors of a sensor that is not where the vertex is are not read; give "
-                f"{OFFSET} as 0 0 0 0 0 0 1, and the poses of the vertices"
+                f"{path}: line {number}: priors with a sensor offset are not supported; give "
+                f"{OFFSET} as 0 0 0 0 0 0 1, and priors of the vertices themselves"
             )
 
 
@@ -233,11 +231,11 @@ def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, .
     for number, line in lines:
         count = max(len(line.split()), 1)
         ids = _ids(path, [(number, line)], finite_rows(path, [(number, line)], " ".join(["id"] * count)))
-        fixed.update(_known(index, vertex, f"{path}: line {number}") for vertex in ids[0].tolist())
+        fixed.update(_pose_of(index, vertex, f"{path}: line {number}") for vertex in ids[0].tolist())
     return tuple(sorted(fixed))
 
 
-def _known(index: dict[int, int], vertex: int, where: str) -> int:
+def _pose_of(index: dict[int, int], vertex: int, where: str) -> int:
     if vertex not in index:
         raise InputError(f"{where} names vertex {vertex}, which the file does not define; add it, or delete the line")
     return index[vertex]

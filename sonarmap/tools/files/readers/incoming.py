@@ -1,4 +1,4 @@
-"""Scans while they come: of files that grow, and of finished ones at the pace at which they were taken."""
+"""Live input of scans from files that are being written, and replay of finished files at their recorded rate."""
 
 import math
 import re
@@ -18,34 +18,34 @@ from sonarmap.tools.files.readers.selection import is_bag_folder, natural_key, s
 from sonarmap.tools.files.readers.sonar.recording import Recording
 
 RECORDING, MCAP = ".sonar", ".mcap"
-GROWING = (RECORDING, MCAP)  # files that give scans while they are written
-_PART = re.compile(r"\.part(\d*)(?=\.sonar$)")  # in the name of a recording that goes on
-_LOOKS = 0.02  # between looks at a file that grows [s]
-_LOOKS_FOR_FILES = 0.3  # between looks at a folder; a file that did not change meanwhile is whole [s]
+GROWING = (RECORDING, MCAP)  # suffixes of files from which scans can be read while they are written
+_PART = re.compile(r"\.part(\d*)(?=\.sonar$)")  # part of the name of an unfinished recording
+_LOOKS = 0.02  # interval between checks of a growing file [s]
+_LOOKS_FOR_FILES = 0.3  # interval between checks of a folder; a file unchanged for this long is complete [s]
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """How far an input was read."""
+    """The position in an input up to which it was read."""
 
     file: str = ""  # name of the file; "" for none
-    count: int = 0  # bytes of it that were read, or scans, or messages
-    shots: int = 0  # of a recording that were read
+    count: int = 0  # bytes, scans or messages of the file that were read
+    shots: int = 0  # shots of a recording that were read
 
 
 @dataclass(frozen=True, slots=True)
 class Incoming:
     scan: Scan
-    behind: Mark  # from which reading can go on
-    missing: int = 0  # shots that did not come, by their numbers, so far
+    behind: Mark  # position at which reading can continue
+    missing: int = 0  # shots missing so far, by gaps in their numbers
 
 
 def incoming(
     source: Path, corrections: Corrections, ended: Callable[[], bool], after: Mark = Mark()
 ) -> Iterator[Incoming]:
-    """Scans of a recording, an MCAP file or a folder that grows, as they come, until it has `ended`; those after a
-    mark. Files of a folder follow one another by their names. Unusable scans and, of the folder, unreadable files are
-    left out."""
+    """Yield the scans of a growing recording, MCAP file or folder as they appear, starting after a mark, until
+    `ended()`. Files of a folder are read in the order of their names. Unusable scans, and unreadable files of a folder,
+    are skipped."""
     if source.is_file() and source.suffix.lower() in GROWING:
         yield from _of_growing(source, corrections, lambda: not ended() and source.exists(), after)
     else:
@@ -53,15 +53,15 @@ def incoming(
 
 
 def final_path(path: Path) -> Path:
-    """Where a recording is that may have been given its name at its end."""
+    """The path of a recording that may have been renamed when it was finished."""
     return path if path.exists() else path.with_name(_final_name(path))
 
 
 def _of_folder(folder: Path, corrections: Corrections, ended: Callable[[], bool], after: Mark) -> Iterator[Incoming]:
-    stamp = float("-inf")  # of the last file's scan: of files without times, scans are counted
-    passed, missing = "", 0  # name of the last file that is done, and what is missing in those that are
+    stamp = float("-inf")  # last stamp; scans of files without times continue it in steps of 1
+    passed, missing = "", 0  # name of the last finished file, and number of shots missing in finished files
     sizes: dict[str, tuple[int, int] | None] = {}
-    unreadable: tuple[int, int] | None = None  # size of the last file, as of which it could not be read
+    unreadable: tuple[int, int] | None = None  # size at which the last file could not be read
     while not ended():
         files = {name: path for name, path in _files(folder).items() if _follows(name, passed, after.file)}
         before, sizes = sizes, {name: _size(path) for name, path in files.items()}
@@ -85,7 +85,7 @@ def _of_folder(folder: Path, corrections: Corrections, ended: Callable[[], bool]
             except InputError:
                 if is_recording and path.exists():
                     raise
-                if is_recording or is_last:  # it was renamed, or its writer pauses
+                if is_recording or is_last:  # the file was renamed, or its writer pauses
                     unreadable = size
                     break
             passed, missing, unreadable = name, missing + here, None
@@ -97,20 +97,20 @@ def _of_folder(folder: Path, corrections: Corrections, ended: Callable[[], bool]
 def replayed(
     inputs: Sequence[str], corrections: Corrections, factor: float, ended: Callable[[], bool], after: Mark = Mark()
 ) -> Iterator[Incoming]:
-    """Scans of finished files, so many times faster than they were taken, or all at once for a factor of 0."""
+    """Yield the scans of finished files at `factor` times their recorded rate, or at once for a factor of 0."""
     scans = _read(inputs, corrections)
     start, begun = scans[min(after.count, len(scans) - 1)].stamp, time.monotonic()
     for number, scan in enumerate(scans[after.count :], after.count + 1):
         due = begun + (scan.stamp - start) / factor if factor > 0 else begun
-        while (left := due - time.monotonic()) > 0 and not ended():
-            time.sleep(min(left, _LOOKS_FOR_FILES))
+        while (remaining := due - time.monotonic()) > 0 and not ended():
+            time.sleep(min(remaining, _LOOKS_FOR_FILES))
         if ended():
             return
         yield Incoming(scan, Mark("", number))
 
 
 def _of_growing(path: Path, corrections: Corrections, grows: Callable[[], bool], after: Mark) -> Iterator[Incoming]:
-    """What is there when it no longer grows comes too."""
+    """Scans of a growing file, including those that are written before it stops growing."""
     is_last = False
 
     def more() -> bool:
@@ -118,7 +118,7 @@ def _of_growing(path: Path, corrections: Corrections, grows: Callable[[], bool],
         if is_last:
             return False
         time.sleep(_LOOKS)
-        is_last = not grows()  # what came before it ended is read once more
+        is_last = not grows()  # if it has stopped growing, read what was written meanwhile, then end
         return True
 
     scans = _of_recording if path.suffix.lower() == RECORDING else _of_mcap
@@ -134,14 +134,14 @@ def _of_mcap(path: Path, corrections: Corrections, more: Callable[[], bool], aft
             continue
         try:
             scan, _ = scan_of_cloud(corrections.corrected(cloud), f"{path.stem}#{number}", 0.0)
-        except InputError:  # a message that cannot be used
+        except InputError:  # an unusable message
             continue
         stamp = float(number) if cloud.stamp is None else cloud.stamp
         yield Incoming(replace(scan, stamp=stamp), Mark(after.file, number + 1))
 
 
 def _has_clouds(path: Path) -> bool:
-    """Whether there is a cloud in an MCAP file yet."""
+    """Whether an MCAP file holds a cloud yet."""
     try:
         return bool(open_recording(path, []).of_kinds(CLOUD_KINDS))
     except InputError:
@@ -152,7 +152,7 @@ def _of_recording(path: Path, corrections: Corrections, more: Callable[[], bool]
     recording, latest = Recording(), -1
     name = Path(_final_name(path)).stem
     for number, shot in enumerate(recording.read(path, 0, more, after.count), after.shots):
-        if shot.place <= latest:  # it came late
+        if shot.place <= latest:  # out of order
             continue
         latest = shot.place
         try:
@@ -170,7 +170,7 @@ def _of_file(path: Path, corrections: Corrections, after: Mark) -> Iterator[Inco
 
 
 def _read(inputs: Sequence[str | Path], corrections: Corrections) -> Sequence[Scan]:
-    """The scans of finished files, of which there is one at least."""
+    """The scans of finished files. Raises InputError: no scan can be read."""
     read = read_survey(inputs, corrections=corrections)
     if not read.scans:
         raise InputError(f"no scan can be read: {read.unread[0].reason}")
@@ -178,17 +178,17 @@ def _read(inputs: Sequence[str | Path], corrections: Corrections) -> Sequence[Sc
 
 
 def _files(folder: Path) -> dict[str, Path]:
-    """The files with scans in a folder, in natural order, by the names that they have or will have at last."""
+    """The files with scans in a folder, in natural order, by their final names."""
     try:
-        # a bag that has ended meanwhile
-        looked = sorted(folder.glob(f"*{MCAP}")) if is_bag_folder(folder) else [folder]
-        paths = [selected.path for selected in select_files(looked, FORMATS).files]
+        # a ROS 2 bag that was finished meanwhile
+        inputs = sorted(folder.glob(f"*{MCAP}")) if is_bag_folder(folder) else [folder]
+        paths = [selected.path for selected in select_files(inputs, FORMATS).files]
     except InputError:  # none yet
         return {}
     named: dict[str, Path] = {}
     for path in sorted(paths, key=lambda path: (natural_key(_final_name(path)), _number(path))):
         name = first = _final_name(path)
-        while name in named:  # of a recording that was cut, and the one after it
+        while name in named:  # an interrupted recording and its successor
             name = f"{first}~{name.count('~') + 2}"
         named[name] = path
     return named
@@ -199,19 +199,19 @@ def _final_name(path: Path) -> str:
 
 
 def _number(path: Path) -> float:
-    """Of a recording among those of one name: the one that has its name at last was the last."""
+    """Part number of a recording among those with one final name; the one that has this name is the last."""
     part = _PART.search(path.name)
     return math.inf if part is None else int(part[1] or 1)
 
 
 def _follows(name: str, passed: str, begin: str) -> bool:
-    """Whether a file comes after the one that was passed, and not before the one with which to begin."""
+    """Whether a file comes after the file `passed`, and not before the file `begin`."""
     key, last, first = ((natural_key(each), each) for each in (name, passed, begin))
     return key >= first and (not passed or key > last)
 
 
 def _size(path: Path) -> tuple[int, int] | None:
-    """What changes with a file; None if it has gone."""
+    """Size and modification time [ns] of a file, to detect changes; None if it is gone."""
     try:
         status = path.stat()
     except OSError:

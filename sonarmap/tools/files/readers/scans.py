@@ -1,4 +1,4 @@
-"""Point cloud files to scans."""
+"""Reading scans from point cloud files of any format, with checks of units and duplicates."""
 
 import math
 from collections import Counter
@@ -18,11 +18,11 @@ from sonarmap.tools.files.readers.selection import Selection, select_files
 
 Progress = Callable[[int, int, str], None]
 
-_ARRAYS = ("points", "strength", "viewpoints", "times")  # of a scan
-_TEXTS = (".txt", ".csv")  # of points, or of anything else
-_SHOWN = 100  # scans of a file after which progress is shown again
-SOUND_SPEEDS = (1000.0, 2000.0)  # [m/s]; in water 1400 to 1600
-# Axes of the points as a file has them -> rows of R_flu_file: forward, left and up in the file's axes.
+_ARRAYS = ("points", "strength", "viewpoints", "times")  # array attributes of a scan
+_TEXTS = (".txt", ".csv")  # suffixes of text files, which may hold points or anything else
+_SHOWN = 100  # progress is reported after this number of scans of a file
+SOUND_SPEEDS = (1000.0, 2000.0)  # accepted range [m/s]; in water it is 1400 to 1600
+# Axes of the points in a file -> rows of R_flu_file: forward, left and up in the file's axes.
 FRAMES = {
     "flu": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),  # x forward, y left, z up
     "frd": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # x forward, y right, z down
@@ -31,15 +31,15 @@ FRAMES = {
 }
 # Name -> meters. The US survey foot is 1200/3937 m.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
-_SAMPLE = 1000  # points of a scan that are looked at
-_LEAST_SCANS = 3  # of two nobody knows which is wrong
-_LEAST_POINTS = 100  # of fewer the spread says nothing
-# Views of one place differ in range by tens; a scan in centimeters beside others in meters by a hundred. One that is so
-# much smaller than the others fills three voxels of a grid of 128, and nothing is lost with it.
+_SAMPLE = 1000  # points of a scan from which its size is estimated
+_LEAST_SCANS = 3  # scans needed to detect another unit: of two it is unknown which is wrong
+_LEAST_POINTS = 100  # points needed to estimate a scan's size
+# A scan whose size differs from the median by this factor is in another unit. Views of one place differ in range by a
+# factor of tens, centimeters and meters by a hundred. A scan smaller by this factor fills only three voxels of 128.
 _STRANGE = 40.0
-_UNITS = {"centimeters": (40, 300), "millimeters": (300, 3000)}  # times
-_LISTED = 5  # scans in a sentence
-_FIRST = 64  # points by which scans are compared first
+_UNITS = {"centimeters": (40, 300), "millimeters": (300, 3000)}  # unit -> range of the factor between sizes
+_LISTED = 5  # scans that a message lists
+_FIRST = 64  # points by which scans are hashed before a full comparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class PointFrame:
     def _turned(self, points: np.ndarray) -> np.ndarray:
         R_flu_file = np.array(FRAMES[self.axes])
         with np.errstate(invalid="ignore", over="ignore"):  # points that are not finite are dropped later
-            # by columns: a product of matrices would spread NaN over the other axes
+            # columns are permuted, as a matrix product would spread NaN over the other axes
             columns = points[:, np.abs(R_flu_file).argmax(axis=1)].astype(np.float64)
             return columns * (R_flu_file.sum(axis=1) * UNITS[self.unit])
 
@@ -74,32 +74,32 @@ AS_WE_HAVE_THEM = PointFrame()
 
 @dataclass(frozen=True, slots=True)
 class Corrections:
-    """How to correct the points of scans."""
+    """Corrections of the points of scans."""
 
-    # the right one [m/s], by whose ratio to that with which they were computed ranges are multiplied; None: are right
+    # true speed of sound [m/s]: ranges are multiplied by its ratio to the recorded one; None for no correction
     sound_speed: float | None = None
-    scale: float = 1.0  # a factor on the ranges besides, of any format
-    frame: PointFrame = AS_WE_HAVE_THEM  # along which axes and in which unit files have their points
-    lines: LineReading = AS_LINES  # how lines of pings become scans
+    scale: float = 1.0  # further factor on ranges, for any format
+    frame: PointFrame = AS_WE_HAVE_THEM  # axes and unit of the points in files
+    lines: LineReading = AS_LINES  # how lines of pings are divided into scans
 
     def __post_init__(self) -> None:
         low, high = SOUND_SPEEDS
         if self.sound_speed is not None and not low <= self.sound_speed <= high:
             raise InputError(
                 f"`sound_speed={self.sound_speed:g}` is not a speed of sound in water; wanted {low:g} to {high:g} m/s, "
-                "as 1497 or so"
+                "such as 1497"
             )
         if not (0 < self.scale < math.inf):
             raise InputError(f"`range_scale={self.scale:g}` is not a factor; wanted a number above 0, as 1.02")
 
     def corrected(self, cloud: Cloud) -> Cloud:
-        """The cloud in our axes and meters, with right ranges from where its sensor was."""
+        """The cloud in forward-left-up axes and meters, with ranges from its viewpoints corrected."""
         cloud, factor = self.frame.turned(cloud), self.scale
         if self.sound_speed is not None:
             if cloud.sound_speed is None:
                 raise InputError(
                     "it does not say with which speed of sound its ranges were computed; give `range_scale` instead, "
-                    "the right speed over the recorded one"
+                    "the true speed divided by the recorded one"
                 )
             factor *= self.sound_speed / cloud.sound_speed
         if factor == 1.0:
@@ -115,7 +115,7 @@ AS_RECORDED = Corrections()
 @dataclass(frozen=True, slots=True)
 class Unread:
     where: str  # the file, with #3 for one scan of several
-    reason: str  # what is wrong with it and what to do, in words, the file named
+    reason: str  # message with the file, what is wrong and what to do
     before: int  # index of the scan that follows it; the number of scans if none does
 
 
@@ -124,19 +124,19 @@ class ReadScans:
     """The scans that were read, and the files that could not be."""
 
     scans: tuple[Scan, ...]  # in natural order of the files, and within a file in its own order
-    notes: tuple[str, ...]  # what the user should know about the files, in words: dropped points, corrected strengths
+    notes: tuple[str, ...]  # messages about the files: dropped points, corrected strengths
     files: tuple[Path, ...]  # all files that the paths name, in order
-    unread: tuple[Unread, ...] = ()  # what could not be read, in the same order
-    # of each scan, 0, 1, ...: a folder is one survey; if each scan has a folder of its own, all of them are one
+    unread: tuple[Unread, ...] = ()  # unreadable files and scans, in the same order
+    # survey of each scan, 0, 1, ...: a folder is one survey, or all scans are if each is in a folder of its own
     surveys: tuple[int, ...] = ()
-    repeated: tuple[str, ...] = ()  # what was given twice, in words
-    # of the scans that are patches of lines of pings; each line is a survey
+    repeated: tuple[str, ...] = ()  # messages about duplicate files and scans
+    # {scan: patch} of scans that are patches of survey lines; each line is a survey
     patches: Mapping[int, PingPatch] = field(default_factory=dict[int, PingPatch])
 
 
 def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORDED) -> ReadScans:
-    """Every scan of the files, folders and patterns in `paths`, in natural order, as `read_survey` has them; all of
-    them have to be readable."""
+    """Read every scan of the files, folders and patterns in `paths`, like `read_survey`. Raises InputError: a file or
+    scan cannot be read."""
     read = read_survey(paths, corrections=corrections)
     if read.unread:
         raise InputError(read.unread[0].reason)
@@ -149,14 +149,14 @@ def read_survey(
     progress: Progress | None = None,
     corrections: Corrections = AS_RECORDED,
 ) -> ReadScans:
-    """Every scan of the files, folders and patterns in `paths` that can be read, in natural order; `recording.sonar#3`
-    is one scan of a file that holds several, counted from 0.
+    """Read every readable scan of the files, folders and patterns in `paths`, in natural order; `recording.sonar#3` is
+    scan 3, counted from 0, of a file that holds several.
 
-    Stamps are those of the files if all of them have one, otherwise 0, 1, 2, ... over the whole input, unreadable scans
-    counted. A scan is named after its file, and `recording#3` if the file holds several; files of the same name in
-    several folders keep their paths. The priors.csv of a folder or pattern is skipped, and so are the files in
-    `not_scans`. The points of large surveys are on disk (`PointStore`). `progress` is called with (files read, files in
-    all, the file's name), and within a file every so many scans. `corrections` is done to the points of each.
+    Stamps are those of the files if all scans have one, otherwise 0, 1, 2, ... over the whole input, including
+    unreadable scans. A scan is named after its file, and `recording#3` if the file holds several; files with the same
+    name in several folders are named by their paths. The priors.csv of a folder or pattern and the files in `not_scans`
+    are skipped. The points of large surveys are kept on disk (`PointStore`). `progress` is called with (files read,
+    number of files, file name), and within a file every 100 scans. `corrections` are applied to all points.
     """
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
@@ -168,18 +168,18 @@ def read_survey(
 
 
 def files_of(selection: Selection) -> tuple[Path, ...]:
-    """All files that are read, each once, those within ROS 2 bags too."""
+    """All files of a selection, each once, including those in ROS 2 bag folders."""
     paths = dict.fromkeys(selected.path for selected in selection.files)
     return tuple(file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path]))
 
 
 def read_scan(path: str | Path) -> Scan:
-    """The scan of a file that holds one, or one of several as `recording.sonar#3`."""
+    """Read the only scan of a file, or one of several, as `recording.sonar#3`."""
     return only_scan(path, read_scans([path]))
 
 
 def only_scan(path: str | Path, read: ReadScans) -> Scan:
-    """The one scan that was read from `path`; InputError where there are several."""
+    """The only scan read from `path`. Raises InputError: there are several."""
     first, last = read.scans[0], read.scans[-1]
     if len(read.scans) > 1:
         raise InputError(
@@ -191,25 +191,25 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
 
 @dataclass(frozen=True, slots=True)
 class ScanEntry:
-    """A scan, or the place of one that could not be read."""
+    """A scan that was read, or could not be read."""
 
-    path: Path  # path, where, name: of a `NamedCloud`, or the file's
+    path: Path  # path, where, name: of a `NamedCloud`, or of the file
     where: str
     name: str
-    scan: Scan | None = None  # not stamped yet; None where it could not be read
-    stamp: float | None = None  # that its file has for it, or None
-    is_cloud: bool = False  # whether the file has it, usable or not
-    notes: tuple[str, ...] = ()  # about its points
-    reason: str = ""  # why there is none
-    sound_speed: float | None = None  # with which its ranges were recorded [m/s], or None
-    patch: PingPatch | None = None  # which pings it is made of, or None
+    scan: Scan | None = None  # the scan without its final stamp; None if it could not be read
+    stamp: float | None = None  # time in the file [s, UTC], or None
+    is_cloud: bool = False  # whether it is a cloud in a file, usable or not, rather than an unreadable file
+    notes: tuple[str, ...] = ()  # messages about its points
+    reason: str = ""  # why it could not be read
+    sound_speed: float | None = None  # recorded speed of sound [m/s], or None
+    patch: PingPatch | None = None  # the pings it is made of, or None
 
 
 def read_entries(
     selection: Selection, notes: list[str], progress: Progress | None = None, corrections: Corrections = AS_RECORDED
 ) -> Iterator[ScanEntry]:
-    """Every scan of the files one by one, and the places of those that could not be read. What the user should know of
-    files as a whole is added to the notes; the others are as of `read_survey`."""
+    """Yield an entry for every scan of the files, and for every file that cannot be read. Messages about whole files
+    are appended to `notes`; other arguments as in `read_survey`."""
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     notes.extend(selection.passed_over)
@@ -224,7 +224,7 @@ def read_entries(
                 if progress is not None and count % _SHOWN == 0:
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
         except InputError as error:
-            # a text that cannot be read as points, as a README.txt or a log, beside scans of another format
+            # a text file without points, such as a README.txt or a log, beside scans of another format
             is_text = selected.path.suffix.lower() in _TEXTS
             if is_text and any(path.suffix.lower() not in _TEXTS for path in files):
                 notes.append(f"{selected.path} holds no points, and the scans are in another format: it is left out")
@@ -235,13 +235,13 @@ def read_entries(
 
 
 def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
-    """Refuse corrections of what a format does not say, or says itself."""
+    """Raise InputError for corrections that do not apply to a file's format."""
     for path in files:
         if (known := FORMATS.get(path.suffix.lower())) is None:
             continue
         if known.has_axes and corrections.frame != AS_RECORDED.frame:
             raise InputError(
-                f"{path}: `frame` and `units` cannot be used, as {known.kind} says its own; leave them out, or read it "
+                f"{path}: `frame` and `units` cannot be used, as {known.kind} defines both; leave them out, or read it "
                 "apart from other files"
             )
         if known.is_line and corrections.scale != 1.0:
@@ -251,12 +251,12 @@ def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
         if corrections.sound_speed is not None and not known.has_sound_speed:
             raise InputError(
                 f"{path}: `sound_speed={corrections.sound_speed:g}` cannot be used, as {known.kind} does not say with "
-                "which speed its ranges were computed; give `range_scale` instead, the right speed over the wrong one"
+                "which speed its ranges were computed; give `range_scale` instead, the true speed divided by that one"
             )
 
 
 def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:
-    """A cloud's usable points as a scan."""
+    """The entry of a cloud, with its usable points as a scan."""
     path, where, name, cloud = named.path, named.where, named.name, named.cloud
     try:
         scan, notes = scan_of_cloud(corrections.corrected(cloud), name, 0.0)
@@ -266,7 +266,7 @@ def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:
 
 
 def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
-    """The entry with its points where they can stay."""
+    """The entry with its arrays moved to the point store."""
     if entry.scan is None:
         return entry
     kept = {field: store.keep(array) for field in _ARRAYS if (array := getattr(entry.scan, field)) is not None}
@@ -275,7 +275,7 @@ def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
 
 
 def _of_one_size(entries: list[ScanEntry]) -> list[ScanEntry]:
-    """The entries, without the scans that are in another unit than most; lines of pings say their unit."""
+    """The entries without scans in another unit than most; survey lines, whose unit is known, are not checked."""
     usable = {k: scan for k, entry in enumerate(entries) if (scan := entry.scan) is not None and entry.patch is None}
     for number, reason in strange_sizes(list(usable.values())).items():
         k = list(usable)[number]
@@ -286,7 +286,7 @@ def _of_one_size(entries: list[ScanEntry]) -> list[ScanEntry]:
 def _all_of(
     entries: Sequence[ScanEntry], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
 ) -> ReadScans:
-    """The scans, stamped, and what could not be read."""
+    """The result of entries and their stamps."""
     scans: list[Scan] = []
     unread: list[Unread] = []
     labels: dict[str, list[str]] = {}
@@ -312,8 +312,8 @@ def _all_of(
 
 
 def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:
-    """The clouds' own stamps [s] if all of them have one, otherwise their positions in the input; and a note about it.
-    `are_clouds`: which of them their files have, usable or not."""
+    """Stamps [s] of the scans: their `own` if all clouds have one, otherwise their indices, and a note if only some
+    have none. `are_clouds`: which entries are clouds, usable or not."""
     stamps = [stamp for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud]
     without = stamps.count(None)
     if without == 0:
@@ -323,57 +323,56 @@ def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[
 
 
 def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
-    """What is wrong with scans that are 40 times larger or smaller, or more, than the others, by their index. `scans`:
-    of one survey."""
-    many = ((k, scan) for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS)
-    sizes = {k: size for k, scan in many if (size := _size(scan)) > 0}
+    """Messages, by scan index, about scans that are at least 40 times larger or smaller than the median of a survey, as
+    if in another unit."""
+    large = ((k, scan) for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS)
+    sizes = {k: size for k, scan in large if (size := _size(scan)) > 0}
     if len(sizes) < _LEAST_SCANS:
         return {}
-    usual = float(np.median(list(sizes.values())))
-    strange = {k: size for k, size in sizes.items() if not 1 / _STRANGE < size / usual < _STRANGE}
-    return {k: _in_words(size, usual, size / usual) for k, size in strange.items()}
+    median = float(np.median(list(sizes.values())))
+    strange = {k: size for k, size in sizes.items() if not 1 / _STRANGE < size / median < _STRANGE}
+    return {k: _in_words(size, median, size / median) for k, size in strange.items()}
 
 
 def _size(scan: Scan) -> float:
-    """The median distance of the points from their middle [m], which a scan of a map has, too."""
+    """The median distance of the points from their median [m], which does not depend on the frame's origin."""
     points = scan.points[:: -(-len(scan.points) // _SAMPLE)].astype(np.float64)
     return float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
 
 
-def _in_words(size: float, usual: float, times: float) -> str:
-    factor = f"{times:.3g} times larger" if times > 1 else f"{1 / times:.3g} times smaller"
-    ratio = max(times, 1 / times)
-    unit = next((unit for unit, (least, most) in _UNITS.items() if least <= ratio < most), "another unit")
-    hint = f"as if {'it was' if times > 1 else 'the others were'} in {unit}"
+def _in_words(size: float, median: float, ratio: float) -> str:
+    is_larger, factor = ratio > 1, max(ratio, 1 / ratio)
+    unit = next((unit for unit, (least, most) in _UNITS.items() if least <= factor < most), "another unit")
+    hint = f"as if {'it was' if is_larger else 'the others were'} in {unit}"
     return (
-        f"its points are spread over {size:.3g} m, those of the other scans over {usual:.3g} m: {factor}, {hint}; "
-        "write all scans in one unit (--units says which)"
+        f"its points are spread over {size:.3g} m, those of the other scans over {median:.3g} m: {factor:.3g} times "
+        f"{'larger' if is_larger else 'smaller'}, {hint}; write all scans in one unit (--units says which)"
     )
 
 
 def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
-    """Each scan whose points are exactly those of an earlier one, and the first that has them: (earlier, later)."""
+    """Pairs (earlier, later) of scans with identical points; the earlier is the first scan with them."""
     firsts: dict[tuple[int, bytes], list[int]] = {}
     pairs: list[tuple[int, int]] = []
     for k, scan in enumerate(scans):
-        alike = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
-        earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), k)
+        candidates = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
+        earlier = next((j for j in candidates if np.array_equal(scans[j].points, scan.points)), k)
         if earlier == k:
-            alike.append(k)
+            candidates.append(k)
         else:
             pairs.append((earlier, k))
     return pairs
 
 
 def repeated_in_words(given_twice: Sequence[Path], scans: Sequence[Scan]) -> list[str]:
-    """What to tell the user of files that several of the given paths name, and are read once, and of scans that are
-    another's copy; none if all is well."""
+    """Messages about files that several of the given paths name, which are read once, and about scans that are copies
+    of others."""
     words: list[str] = []
     if given_twice:
         words.append(f"given more than once, and used once: {_listed([str(path) for path in given_twice])}")
     if copies := same_points(scans):
         named = _listed([f"{scans[later].name} of {scans[earlier].name}" for earlier, later in copies])
-        words.append(f"the same points twice: {named}; leave the copies out, or the map believes them twice")
+        words.append(f"the same points twice: {named}; leave the copies out, as the map would count them twice")
     return words
 
 

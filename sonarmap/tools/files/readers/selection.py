@@ -1,4 +1,4 @@
-"""The files that a command line names: files, folders and patterns, in natural order."""
+"""Selection of input files: paths, folders and patterns of a command line to files in natural order."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
 from sonarmap.tools.files.readers.instruments import PRIORS
 from sonarmap.tools.files.user_file import read_json, require_file
 
-BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
+BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # file in a ROS 2 bag folder, and its key
 _BAG_FILES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
 _TABLES = (PRIORS, PAIRS)
-_MOST_LOOKED, _FEW = 10_000, 4  # names below a folder that are looked at, and folders that a message lists
+_MOST_LOOKED, _FEW = 10_000, 4  # entries searched below a folder, and folders that a message lists
 _PART = re.compile(r"(.+?)(?:::(/?\w[\w/~-]*))?(?:#(\d{1,9}))?", re.ASCII | re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Files in natural order, whether they were given in another order, and those that several of the paths name."""
+    """The selected files."""
 
-    files: tuple[SelectedFile, ...]
-    reordered: bool
-    repeated: tuple[Path, ...] = ()
-    passed_over: tuple[str, ...] = ()  # what else the folders hold in these formats, in words: scans in folders, a map
+    files: tuple[SelectedFile, ...]  # in natural order
+    reordered: bool  # whether they were given in another order
+    repeated: tuple[Path, ...] = ()  # files that more than one of the paths name
+    passed_over: tuple[str, ...] = ()  # messages about files that were not selected: scans in subfolders, a map
 
 
 @dataclass(frozen=True, slots=True)
 class SelectedFile:
-    """One file or ROS 2 bag, the number of the one scan to read from it (None: all), and of a recording the topic."""
+    """One file or ROS 2 bag to read."""
 
     path: Path
-    index: int | None = None
-    topic: str | None = None
+    index: int | None = None  # number of the only scan to read from it; None for all
+    topic: str | None = None  # topic of a recording
 
     @property
     def place(self) -> str:
-        """The path, and the topic if one was chosen, as a user writes them."""
+        """The path, with ::TOPIC if a topic was chosen, as a user writes it."""
         return f"{self.path}::{self.topic}" if self.topic else str(self.path)
 
 
 def is_bag_folder(path: Path) -> bool:
-    """Whether a folder is a ROS 2 bag, with damaged metadata or whole: one recording, not a folder of scans."""
+    """Whether a folder is a ROS 2 bag (even one with damaged metadata), and not a folder of scans."""
     try:
         require_file(path / BAG_METADATA)
         with (path / BAG_METADATA).open("rb") as file:
@@ -59,7 +59,7 @@ def is_bag_folder(path: Path) -> bool:
 
 
 def part_of_file(text: str) -> SelectedFile | None:
-    """What FILE::TOPIC, FILE#3 or FILE::TOPIC#3 names; None where there is no such file."""
+    """The selection that FILE::TOPIC, FILE#3 or FILE::TOPIC#3 names; None if there is no such file."""
     parts = _PART.fullmatch(text)
     if parts is None or not (path := Path(parts[1])).exists() or (path.is_dir() and not is_bag_folder(path)):
         return None
@@ -67,10 +67,10 @@ def part_of_file(text: str) -> SelectedFile | None:
 
 
 def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_scans: Collection[Path] = ()) -> Selection:
-    """The files that `paths` name, each once whatever its path, in natural order (scan2 before scan10): files
-    (`recording.sonar#3` is its scan 3, from 0, `dive.bag::/sonar/points` the clouds of a topic), ROS 2 bags, and of
-    folders and patterns such as `scans/*.ply` the files with one of the suffixes, but for priors.csv, pairs.csv and
-    those in `not_scans`."""
+    """The files that `paths` name, each once, in natural order (scan2 before scan10). A path names a file
+    (`recording.sonar#3` for its scan 3, counted from 0; `dive.bag::/sonar/points` for a topic), a ROS 2 bag, or a
+    folder or pattern such as `scans/*.ply`, from which the files with one of the suffixes are taken, except priors.csv,
+    pairs.csv and those in `not_scans`."""
     if not paths:
         raise InputError("no scans given; name files, folders or patterns such as scans/*.ply")
     chosen: dict[tuple[Path, int | None, str | None], SelectedFile] = {}
@@ -87,8 +87,8 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
     named = {each.path.parent.resolve() for each in files}
     passed_over = [words for folder in folders if (words := _passed_over(folder, files, named, skipped))]
     for folder in sorted({*folders, *(each.path.parent for each in files)}):
-        left = {path for path in _outputs(folder) if _is_scan(path, suffixes, ())} - {each.path for each in files}
-        if listed := ", ".join(sorted(path.name for path in left)):
+        outputs = {path for path in _outputs(folder) if _is_scan(path, suffixes, ())} - {each.path for each in files}
+        if listed := ", ".join(sorted(path.name for path in outputs)):
             passed_over.append(f"{folder} also holds a finished map, whose files are no scans: left out {listed}")
     return Selection(tuple(files), files != as_given, tuple(repeated), tuple(passed_over))
 
@@ -96,7 +96,7 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
 def _passed_over(
     folder: Path, files: Sequence[SelectedFile], named: Collection[Path], skipped: Collection[Path]
 ) -> str:
-    """The folders below this one that nobody named and that hold scans as it does, if any, in words."""
+    """Message about subfolders of `folder` that hold scans in the same formats but were not named; empty if none do."""
     suffixes = sorted({each.path.suffix.lower() for each in files if each.path.parent == folder})
     below = [each for each in _folders_below(folder, suffixes, skipped) if each.resolve() not in named]
     return (
@@ -105,15 +105,15 @@ def _passed_over(
 
 
 def _folders_below(folder: Path, suffixes: Collection[str], skipped: Collection[Path]) -> list[Path]:
-    """The folders within a folder that hold scans, in natural order, without those of finished maps."""
-    looked = islice(folder.rglob("*"), _MOST_LOOKED)
-    holding = {each.parent for each in looked if each.parent != folder and _is_scan(each, suffixes, skipped)}
-    own = [each for each in holding if not (each / SUMMARY).exists() and not is_bag_folder(each)]
-    return sorted(own, key=lambda each: natural_key(str(each)))
+    """The subfolders of `folder` that hold scans, in natural order, without finished maps and ROS 2 bags."""
+    paths = islice(folder.rglob("*"), _MOST_LOOKED)
+    parents = {path.parent for path in paths if path.parent != folder and _is_scan(path, suffixes, skipped)}
+    of_scans = [parent for parent in parents if not (parent / SUMMARY).exists() and not is_bag_folder(parent)]
+    return sorted(of_scans, key=lambda parent: natural_key(str(parent)))
 
 
 def _names(folder: Path, below: Sequence[Path], suffixes: Collection[str]) -> str:
-    """How to name scans in folders within a folder."""
+    """Words for a message: the subfolders, and a pattern that selects all their scans."""
     listed = " ".join(shlex.quote(str(each)) for each in below[:_FEW])
     more = f" and {len(below) - _FEW} more" if len(below) > _FEW else ""
     kind = next((each.suffix for each in sorted(below[0].iterdir()) if each.suffix.lower() in suffixes), "")
@@ -125,7 +125,7 @@ def _order(selected: SelectedFile) -> tuple[tuple[tuple[str, int], ...], int]:
 
 
 def natural_key(text: str) -> tuple[tuple[str, int], ...]:
-    """A sorting key by which numbers count: scan2 before scan10."""
+    """A sort key that compares numbers by value: scan2 before scan10."""
     pieces = re.findall(r"(\D*)(\d*)", text, re.ASCII)
     return tuple((letters.casefold(), int(digits[:4000] or -1)) for letters, digits in pieces)
 
@@ -164,13 +164,13 @@ def _scans_among(
 
 
 def _outputs(folder: Path) -> list[Path]:
-    """The files of the finished map that lies in a folder, and of its exports, as its summary lists them."""
+    """The files of the finished map in a folder and its exports, which its summary.json lists."""
     if not (folder / SUMMARY).is_file():
         return []
     try:
         names = read_json(folder / SUMMARY, "the summary.json of a map")["files"]
         return [folder / name for name in names if Path(name).name == name and (folder / name).is_file()]
-    except (InputError, LookupError, TypeError):  # somebody else's
+    except (InputError, LookupError, TypeError):  # a summary.json that sonarmap did not write
         return []
 
 

@@ -1,9 +1,9 @@
-"""Poses of TUM, KITTI and gt.log files and of a map's graph.json.
+"""Readers of poses: TUM, KITTI and gt.log files, and a map's graph.json.
 
-TUM has one pose per line, `stamp tx ty tz qx qy qz qw`, KITTI the upper 3 x 4 of its matrix row by row; no stamps. A
-gt.log has the true transforms between numbered scans, as benchmarks of registration call them: for every pair a line
-`i j`, or `i j n` with any number n, then the four rows of a 4 x 4 matrix that maps points of scan j into the frame of
-scan i (http://redwood-data.org/indoor/fileformat.html).
+TUM has one pose per line, `stamp tx ty tz qx qy qz qw`; KITTI has the upper 3 x 4 of the pose matrix row by row, and no
+stamps. A gt.log of registration benchmarks has the true transforms between numbered scans: for every pair a line `i j`,
+or `i j n` with any number n, then the four rows of a 4 x 4 matrix that maps points of scan j into the frame of scan i
+(http://redwood-data.org/indoor/fileformat.html).
 """
 
 import re
@@ -29,22 +29,21 @@ from sonarmap.tools.files.user_file import naming, read_content, read_json
 LAYOUT = "stamp tx ty tz qx qy qz qw"  # of TUM
 _KITTI = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 GT_LOG = "gt.log"
-_LINES = 5  # of a pair
+_LINES = 5  # lines per pair in a gt.log
 _NUMBERS = re.compile(rb"\s*(\d{1,9})\s+(\d{1,9})(\s+\d{1,9})?\s*")
 FORMAT = "sonarmap graph 1"
-ORTHONORMAL = 1e-3  # what rounding to few digits may do to R R^T: more is not a rotation
+ORTHONORMAL = 1e-3  # largest deviation of R R^T from the identity, which rounding to few digits causes
 
 
 def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
-    """The trajectories of one map's estimate and of its truth, whose poses belong together: by stamp in TUM files, by
-    line in KITTI files (of that suffix, or of twelve columns). The truth is one file, or one for each dive in the map's
-    order, see `in_order`."""
+    """Read an estimated and a true trajectory of a map. Poses correspond by stamp in TUM files, by line in KITTI files
+    (with that suffix or twelve columns). The truth is one file, or one per dive in the map's order (see `in_order`)."""
     stamped = not _is_kitti(estimate)
     for truth in truths:
         if stamped == _is_kitti(truth):
             with_stamps, without = (estimate, truth) if stamped else (truth, estimate)
             raise InputError(
-                f"{without} is a KITTI file, whose poses have no stamps, and {with_stamps} is none, so it is unknown "
+                f"{without} is a KITTI file, whose poses have no stamps, and {with_stamps} is not, so it is unknown "
                 "which poses belong together. Give two files of one format."
             )
     read = read_tum if stamped else read_kitti
@@ -52,23 +51,23 @@ def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
 
 
 def in_order(trajectories: Sequence[Trajectory]) -> Trajectory:
-    """One trajectory after the other, in one world. Stamps that only count, 0, 1, 2, ... in every one of them, are
-    counted on, as the scans of files without times are over all of a map's input; others stay as they are."""
+    """Concatenate trajectories in one world frame. If all have the stamps 0, 1, 2, ..., the count continues over all of
+    them, as it does over a map's scans without times; other stamps are unchanged."""
     stamps = [trajectory.stamps for trajectory in trajectories]
-    if all(np.array_equal(own, np.arange(len(own))) for own in stamps):
+    if all(np.array_equal(each, np.arange(len(each))) for each in stamps):
         stamps = [np.arange(sum(map(len, stamps)), dtype=np.float64)]
     poses = RigidTransform.concatenate([trajectory.T_world_sensor for trajectory in trajectories])
     return Trajectory(np.concatenate(stamps), poses)
 
 
 def places_at(trajectory: Trajectory, times: np.ndarray) -> np.ndarray:
-    """(N, 3) places [m] at times (N,) [s] between those of a trajectory."""
+    """Positions (N, 3) [m] of a trajectory, interpolated at times (N,) [s]."""
     places = trajectory.T_world_sensor.translation
     return np.column_stack([np.interp(times, trajectory.stamps, places[:, axis]) for axis in range(3)])
 
 
 def poses_at(trajectory: Trajectory, times: np.ndarray) -> RigidTransform:
-    """(N,) T_world_sensor at times (N,) [s] between those of a trajectory of two poses or more."""
+    """Poses T_world_sensor (N,) of a trajectory of at least two poses, interpolated at times (N,) [s]."""
     turns = Slerp(trajectory.stamps, trajectory.T_world_sensor.rotation)(times)
     return RigidTransform.from_components(places_at(trajectory, times), turns)
 
@@ -78,7 +77,7 @@ def _is_kitti(path: Path) -> bool:
 
 
 def read_kitti(path: Path) -> Trajectory:
-    """A trajectory of T_world_sensor in meters; its stamps count from 0. The nearest rotation is taken."""
+    """Read the poses T_world_sensor [m] of a KITTI file, with the stamps 0, 1, 2, ... and orthonormalized rotations."""
     lines = read_lines(path)
     rows = np.hstack([finite_rows(path, lines, _KITTI), np.tile([0.0, 0, 0, 1], (len(lines), 1))])
     with naming(path):
@@ -87,7 +86,7 @@ def read_kitti(path: Path) -> Trajectory:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """A trajectory, its stamps in seconds and its poses as T_world_sensor in meters."""
+    """Read the stamps [s] and poses T_world_sensor [m] of a TUM file."""
     lines = read_lines(path)
     rows = finite_rows(path, lines, LAYOUT)
     return Trajectory(rows[:, 0].copy(), transforms(path, lines, rows[:, 1:]))
@@ -95,16 +94,16 @@ def read_tum(path: Path) -> Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class TruePair:
-    """The truth of one pair."""
+    """The true transform of one pair of scans."""
 
-    i: int  # i, j: the numbers of the target and the source
-    j: int
+    i: int  # number of the target scan
+    j: int  # number of the source scan
     T_i_j: RigidTransform  # p_i = T_i_j p_j [m]
-    line: int  # of the file, where it begins
+    line: int  # line of the file at which it begins
 
 
 def read_gt_log(path: Path) -> tuple[TruePair, ...]:
-    """All pairs of the file, in its order."""
+    """Read all pairs of a gt.log file, in its order."""
     lines = read_lines(path)
     starts = range(0, len(lines), _LINES)
     pairs = [_pair(path, lines[start : start + _LINES]) for start in starts]
@@ -141,7 +140,7 @@ def _pair(path: Path, block: list[Line]) -> TruePair:
 
 
 def read_graph_json(path: Path) -> PoseGraph:
-    """The graph as the map had it: poses, edges, priors, control points."""
+    """Read the pose graph of a map: poses, edges, priors and control points."""
     content = read_json(path, "the graph.json of a map")
     try:
         if content["format"] != FORMAT:
@@ -156,7 +155,7 @@ def read_graph_json(path: Path) -> PoseGraph:
 
 
 def trajectory_of(poses: Any) -> Trajectory:
-    """The poses as graph.json lists them."""
+    """The trajectory of the list `poses` of a graph.json."""
     T = RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses])
     return Trajectory(np.array([pose["stamp"] for pose in poses], dtype=np.float64), T)
 
@@ -182,7 +181,7 @@ def _prior(row: dict[str, Any]) -> PosePrior:
 
 
 def read_lines(path: Path) -> list[Line]:
-    """The lines of a file that are neither blank nor comments ('#'), with their numbers."""
+    """The lines of a file that are neither blank nor comments (#), with their line numbers."""
     content = read_content(Path(path))
     with naming(path):
         lines = [line for line in whole_lines(content, 1) if not line[1].lstrip().startswith(b"#")]
@@ -192,7 +191,7 @@ def read_lines(path: Path) -> list[Line]:
 
 
 def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
-    """Numbers in rows, as many as `layout` has words: (N, words) float64."""
+    """The finite numbers (N, C) float64 of lines; `layout` names the C columns, separated by blanks."""
     try:
         rows = parse_rows(lines, len(layout.split()))
     except InputError as error:
@@ -212,15 +211,15 @@ def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
 
 
 def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransform:
-    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but (nearly) zero."""
+    """Rigid transforms of rows (N, 7): x y z [m] and a quaternion x y z w, which is normalized."""
     zero = np.flatnonzero(np.linalg.norm(rows[:, 3:], axis=1) < LEAST_SIGMA)
     if len(zero):
-        raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; no rotation is 0 0 0 1")
+        raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; write 0 0 0 1 for no rotation")
     return RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))
 
 
 def rigid_transform(rows: Any, what: str) -> RigidTransform:
-    """The transform of a matrix (4, 4) of `what`, its rotation the nearest one."""
+    """The rigid transform of a matrix (4, 4), with the nearest rotation; `what` is named in errors."""
     matrix = np.array(rows, np.float64)
     if matrix.shape != (4, 4):
         raise InputError(f"the matrix of {what} has shape {matrix.shape}; wanted (4, 4)")
@@ -229,7 +228,7 @@ def rigid_transform(rows: Any, what: str) -> RigidTransform:
         raise InputError(f"the matrix of {what} holds {bad[0]:g}; wanted numbers within {LARGEST:g}")
     R = matrix[:3, :3]
     off = np.abs(R @ R.T - np.eye(3)).max()
-    # the determinant not by np.linalg.det, which divides by pivots however small
+    # a cross product gives the determinant's sign; np.linalg.det divides by pivots, which may be tiny
     if off > ORTHONORMAL or np.cross(R[0], R[1]) @ R[2] < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
         raise InputError(
             f"the matrix of {what} is not a rigid transform (its rotation is off by {off:.2g}, its determinant should "

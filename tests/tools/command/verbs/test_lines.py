@@ -101,7 +101,7 @@ def test_options_that_lines_cannot_have_are_refused(survey: Survey, tmp_path: Pa
     refused(sonarmap("map", file, "-o", tmp_path, "--priors", log), "contain their own navigation", "leave --priors")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch-test"), "two lines", "1 given")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
-    refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "says its own")
+    refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "defines both")
     refused(sonarmap("map", file, "-o", tmp_path, "--range-scale", "1.02"), "leave it out")
 
 
