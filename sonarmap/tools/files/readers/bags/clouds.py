@@ -1,4 +1,4 @@
-"""Clouds of a ROS bag or MCAP file: one per message (sensor_msgs/PointCloud2, foxglove.PointCloud) of a topic."""
+"""Reading clouds of a ROS bag or MCAP file, one per message (sensor_msgs/PointCloud2 or foxglove.PointCloud)."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -21,22 +21,22 @@ from sonarmap.tools.files.readers.bags.recording import (
 )
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
 
-_NAMED = 3  # faults that are named
+_NAMED = 3  # notes or faults of a kind that are listed
 CLOUD_KINDS = (POINT_CLOUD, FOXGLOVE_CLOUD)
 
-# Of a field, by its number in sensor_msgs/PointField and in foxglove.PackedElementField.
+# Data types of fields by their number in sensor_msgs/PointField and in foxglove.PackedElementField
 _ROS_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _FOXGLOVE_TYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8"}
-_SECONDS_PER_COUNT = 1e-9  # of integers, and of floats beyond _LARGEST_SECONDS
-_LARGEST_SECONDS, _SINCE_THE_STAMP = 1e14, 1e6
+_SECONDS_PER_COUNT = 1e-9  # unit of times that are integers, or floats beyond _LARGEST_SECONDS
+_LARGEST_SECONDS, _SINCE_THE_STAMP = 1e14, 1e6  # times below the latter are relative to the message's stamp [s]
 
 
 def stream_recording(
     path: Path, topic: str | None, notes: list[str], more: Callable[[], bool] | None = None
 ) -> Iterator[Cloud]:
-    """The clouds of a topic (None: the only one with clouds), one per message, stamped by their headers; empty for a
-    message that cannot be used. They are in base_link where tf_static has the sensor's mounting, else in the sensor's
-    frame. `more` is for an MCAP file that grows, as of `open_mcap`."""
+    """Yield a cloud for each message of a topic (None: the only one with clouds), with its header's stamp; an empty
+    cloud for an unusable message. Clouds are in base_link if tf_static has the sensor's mounting, otherwise in the
+    sensor's frame. `more`: see `open_mcap`, for an MCAP file that grows."""
     about: list[str] = []
     recording = open_recording(path, about)
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)
@@ -59,7 +59,7 @@ def stream_recording(
         raise InputError(faults[0] if faults else f"no message of {chosen.name} can be read; record it again")
     if unstamped:
         frames.notes.append(f"{unstamped:,} headers have no stamp: the times are those at which they were recorded")
-    once = dict.fromkeys(about + _shortened(frames.notes) + _shortened(faults))  # damage that both passes met
+    once = dict.fromkeys(about + _shortened(frames.notes) + _shortened(faults))  # both passes may find the same damage
     notes += [f"{path.name}: {note}" for note in once]
 
 
@@ -69,17 +69,17 @@ def _shortened(notes: list[str]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Packed:
-    """Points as they are packed in a message."""
+    """The packed points of a message."""
 
-    fields: dict[str, tuple[str, int]]  # {name: (dtype, offset)}; the dtype is empty where the message's number is none
-    shape: tuple[int, int]  # rows and points in each
+    fields: dict[str, tuple[str, int]]  # {name: (dtype, offset)}; the dtype is empty if its number is unknown
+    shape: tuple[int, int]  # number of rows, and of points per row
     strides: tuple[int, int]  # bytes from row to row, and from point to point
     content: np.ndarray  # (B,) uint8
-    has_gaps: bool  # points that are not finite stand for beams without an echo
+    has_gaps: bool  # whether points that are not finite stand for beams without an echo
 
 
 def cloud_of(message: Message) -> tuple[str, Cloud]:
-    """The frame and the cloud of a message; without a stamp where the message has none."""
+    """The frame name and the cloud of a message; the cloud has no stamp if the message has none."""
     content = decode(message)
     with refused(f"its {message.kind} contradicts itself"):
         if message.kind == FOXGLOVE_CLOUD:
@@ -100,7 +100,7 @@ def _packed_by_foxglove(content: Any) -> _Packed:
     fields = [(field.name, field.type, field.offset) for field in content.fields]
     stride, octets = content.point_stride, np.frombuffer(content.data, np.uint8)
     if stride < 1 or len(octets) % stride:
-        raise InputError(f"it holds {len(octets):,} bytes, which is not a number of points of {stride:,} bytes each")
+        raise InputError(f"it holds {len(octets):,} bytes, which is no multiple of its point size, {stride:,} bytes")
     shape, strides = (1, len(octets) // stride), (len(octets), stride)
     return _Packed(_layout(fields, _FOXGLOVE_TYPES, "<"), shape, strides, octets, has_gaps=True)
 
@@ -110,7 +110,7 @@ def _layout(fields: list[tuple[str, int, int]], types: dict[int, str], order: st
 
 
 def _cloud(packed: _Packed, stamp: int) -> Cloud:
-    """The columns of the points; `stamp` is in nanoseconds, 0 where there is none."""
+    """The cloud of packed points; `stamp` [ns] is 0 if there is none."""
     seconds = stamp / 10**9 if stamp else None
     if 0 in packed.shape:
         return Cloud(np.empty((0, 3), np.float32), stamp=seconds)
@@ -118,7 +118,7 @@ def _cloud(packed: _Packed, stamp: int) -> Cloud:
     layout = {role: packed.fields[names[column]] for role, column in column_roles(names).items()}
     unknown = [names[column] for column in column_roles(names).values() if not packed.fields[names[column]][0]]
     if unknown:
-        raise InputError(f"its field {unknown[0]} has a type of no known number; wanted integers or floats")
+        raise InputError(f"its field {unknown[0]} has an unknown data type; wanted integers or floats")
     _require_room(packed, layout)
     record = np.dtype({
         "names": list(layout), "formats": [dtype for dtype, _ in layout.values()],
@@ -149,7 +149,7 @@ def _require_room(packed: _Packed, layout: dict[str, tuple[str, int]]) -> None:
 
 
 def _seconds(times: np.ndarray, stamp: int) -> np.ndarray:
-    """(N,) float64 [s, UTC]: drivers count nanoseconds or seconds, since 1970 or since the message's stamp."""
+    """Times (N,) float64 [s, UTC]; drivers count nanoseconds or seconds, since 1970 or since the message's stamp."""
     seconds = times.astype(np.float64)
     largest = np.abs(seconds[np.isfinite(seconds)]).max(initial=0)
     if times.dtype.kind in "iu" or largest > _LARGEST_SECONDS:
@@ -158,14 +158,14 @@ def _seconds(times: np.ndarray, stamp: int) -> np.ndarray:
 
 
 def _moved(cloud: Cloud, content: Any) -> Cloud:
-    """By the pose that a foxglove.PointCloud may have in its frame."""
+    """The cloud transformed by the pose that a foxglove.PointCloud has in its frame."""
     numbers = np.array(numbers_of(content.pose.position, content.pose.orientation))
     rotation = Rotation.from_quat(numbers[3:]) if numbers[3:].any() else Rotation.identity()
     return moved(cloud, RigidTransform.from_components(numbers[:3], rotation))
 
 
 def moved(cloud: Cloud, T_target_cloud: RigidTransform) -> Cloud:
-    """The cloud in another frame; if the sensor is not at this frame's origin, every point says where it was."""
+    """The cloud in another frame, with viewpoints unless the sensor is at that frame's origin."""
     if np.array_equal(T_target_cloud.as_matrix(), np.eye(4)):
         return cloud
     points = T_target_cloud.apply(cloud.points.astype(np.float64))

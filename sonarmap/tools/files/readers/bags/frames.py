@@ -1,7 +1,5 @@
-"""The frames of a recording: from a sensor's frame to the vehicle's, by tf_static or by the frame's name (REP-103).
-
-The last functions read dead reckoning: messages of nav_msgs/Odometry, or what tf says of odom and base_link; and
-turn rates: messages of sensor_msgs/Imu.
+"""Coordinate frames of a recording: transforms from a sensor's frame to the vehicle's, by tf_static or by the frame's
+name (REP-103); odometry, from nav_msgs/Odometry or tf (odom to base_link); and turn rates, from sensor_msgs/Imu.
 """
 
 from collections import deque
@@ -32,12 +30,12 @@ from sonarmap.tools.files.readers.trajectory import poses_at
 from sonarmap.tools.files.user_file import naming
 
 BASE = "base_link"
-# By the suffix of a frame's name: to x forward, y left, z up. Optical frames have x right, y down, z forward.
+# Rotations to x forward, y left, z up, by suffix of a frame's name. Optical frames have x right, y down, z forward.
 _OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 _DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
 R_FLU = {"_optical_frame": _OPTICAL, "_optical": _OPTICAL, "_frd": _DOWN, "_ned": _DOWN}
 _ODOM = "odom"
-_NAMED = 3  # faults that are named
+_NAMED = 3  # faults that are listed
 _R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
@@ -45,30 +43,30 @@ _R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 class Link:
     """A transform of tf."""
 
-    parent: str  # parent, child: the frames that it relates
-    child: str
-    stamp: int  # its time [ns]
+    parent: str  # name of the parent frame
+    child: str  # name of the child frame
+    stamp: int  # [ns since 1970]
     numbers: tuple[float, ...]  # T_parent_child as x, y, z [m] and the quaternion x, y, z, w
-    fixed: bool  # whether it is of tf_static
+    fixed: bool  # whether it is from tf_static
 
     def T_parent_child(self) -> RigidTransform:
         return rigid([self.numbers], f"the transform {self.parent} to {self.child}")[0]
 
 
 def numbers_of(place: Any, turn: Any) -> tuple[float, ...]:
-    """A message's x, y, z and quaternion."""
+    """Numbers (7,) of a message's position x, y, z and quaternion x, y, z, w."""
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
 def stamp_of(header: Any) -> int:
-    """The time of a ROS header [ns since 1970]; 0 where it has none."""
+    """The stamp of a ROS header [ns since 1970]; 0 if it has none."""
     return header.stamp.sec * 10**9 + header.stamp.nanosec
 
 
 def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
-    """A stack of transforms from x, y, z and quaternions."""
+    """Transforms of rows of x, y, z [m] and a unit quaternion; `what` is named in errors."""
     numbers = np.array(rows, np.float64)
-    length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # beyond it is none, and its square overflows
+    length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # clipped, as squares may overflow
     good = (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
     if not good.all():
         bad = int(np.argmin(good))
@@ -78,7 +76,7 @@ def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
 
 
 def links(recording: Recording, last_name: str, faults: list[str]) -> Iterator[Link]:
-    """All transforms of the topics of tf whose names end so: tf_static, or tf."""
+    """Yield all transforms of the topics called `last_name`, tf_static or tf, in any namespace."""
     names = [topic.name for topic in recording.of_kinds((TRANSFORMS,)) if topic.name.split("/")[-1] == last_name]
     for message in recording.messages(names, faults) if names else ():
         try:
@@ -92,13 +90,13 @@ def links(recording: Recording, last_name: str, faults: list[str]) -> Iterator[L
 
 
 def is_named(frame: str, name: str) -> bool:
-    """Whether a frame has this name, in whatever namespace: rov/base_link is base_link."""
+    """Whether a frame has this name, in any namespace: rov/base_link is base_link."""
     return frame.split("/")[-1] == name
 
 
 class Frames:
-    """Where sensors are mounted, as a recording's tf_static says; `notes` say what was done about each frame that was
-    asked for, and what of tf_static is damaged."""
+    """The mounting of sensors by a recording's tf_static; `notes` has a message about each frame that was transformed,
+    and about damage of tf_static."""
 
     def __init__(self, recording: Recording) -> None:
         self.notes: list[str] = []
@@ -106,7 +104,7 @@ class Frames:
         self._known: dict[str, RigidTransform] = {}
 
     def T_base(self, frame: str) -> RigidTransform:
-        """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up."""
+        """T_base_frame to base_link if tf_static has it, otherwise the rotation to x forward, y left, z up."""
         if frame not in self._known:
             self._known[frame] = self._to_base(frame)
         return self._known[frame]
@@ -125,7 +123,7 @@ class Frames:
         return RigidTransform.from_rotation(R_FLU[suffix])
 
     def _by_tf(self, frame: str) -> tuple[str, RigidTransform]:
-        """The nearest frame that is called base_link, and T_base_frame; "" and the identity where there is none."""
+        """The nearest frame called base_link, and T_base_frame; "" and the identity if there is none."""
         neighbors: dict[str, list[tuple[str, Link, bool]]] = {}
         for link in self._links.values():
             neighbors.setdefault(link.child, []).append((link.parent, link, True))
@@ -144,8 +142,8 @@ class Frames:
 
 
 def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> Trajectory:
-    """Where dead reckoning had the vehicle: T_odom_base with stamps that ascend; of base_link where tf_static has the
-    frame that moves. `topic`: of nav_msgs/Odometry; None for the only one, or for tf where there is none."""
+    """Read odometry as T_odom_base with ascending stamps, transformed to base_link if tf_static has the moving frame.
+    `topic`: of nav_msgs/Odometry; None for the only one, or for tf if there is none."""
     with naming(path):
         faults: list[str] = []
         recording = open_recording(path, faults)
@@ -174,7 +172,7 @@ def _of_odometry(recording: Recording, topic: str, faults: list[str]) -> Traject
 
 
 def _of_tf(recording: Recording, faults: list[str]) -> Trajectory:
-    """The chain from odom to base_link, at the times of its link that moves most often."""
+    """The transform from odom to base_link along the tf tree, at the stamps of its most frequent moving link."""
     by_child: dict[str, dict[str, list[Link]]] = {}
     for name in ("tf_static", "tf"):
         for link in links(recording, name, faults):
@@ -193,7 +191,7 @@ def _of_tf(recording: Recording, faults: list[str]) -> Trajectory:
 
 
 def _composed(chain: Sequence[Sequence[Link]], faults: list[str]) -> Trajectory:
-    """T of the whole chain, where all of its links that move are known."""
+    """The product of a chain of transforms, at times at which all of its moving links are known."""
     parts: list[Trajectory] = []
     for steps in chain:
         stamps, rows = [link.stamp for link in steps], [link.numbers for link in steps]
@@ -205,16 +203,16 @@ def _composed(chain: Sequence[Sequence[Link]], faults: list[str]) -> Trajectory:
     first, last = max(part.stamps[0] for part in moving), min(part.stamps[-1] for part in moving)
     times = times[(times >= first) & (times <= last)]
     if len(times) == 0:
-        raise InputError("the transforms of its tf were recorded at times that do not overlap; record them together")
+        raise InputError("the transforms in its tf do not overlap in time; record them together")
     T = RigidTransform.identity(len(times))
     for part, steps in zip(parts, chain, strict=True):
-        stands = steps[-1].fixed or len(part) == 1
-        T = T * (part.T_world_sensor[-1] if stands else poses_at(part, times))
+        is_fixed = steps[-1].fixed or len(part) == 1
+        T = T * (part.T_world_sensor[-1] if is_fixed else poses_at(part, times))
     return Trajectory(times, T)
 
 
 def _ascending(stamps: Sequence[int], rows: Sequence[tuple[float, ...]], what: str, faults: list[str]) -> Trajectory:
-    """Poses in the order of their stamps [ns], each once."""
+    """The trajectory of rows sorted by stamp [ns], without duplicate stamps."""
     if not rows:
         raise InputError(f"{what} cannot be read" + (f": {faults[0]}" if faults else "; record it again"))
     kept, indices = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
@@ -222,9 +220,9 @@ def _ascending(stamps: Sequence[int], rows: Sequence[tuple[float, ...]], what: s
 
 
 def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Times (n,) [s, UTC], ascending, and turn rates (n, 3) [rad/s] of the topic of sensor_msgs/Imu with most messages,
-    about the axes of base_link where tf_static has the IMU's mounting, else about those of its own frame, x forward, y
-    left, z up."""
+    """Ascending times (n,) [s, UTC] and turn rates (n, 3) [rad/s] of the sensor_msgs/Imu topic with the most messages,
+    about the axes of base_link if tf_static has the IMU's mounting, otherwise of its own frame (x forward, y left, z
+    up)."""
     with naming(path):
         recording = open_recording(path, [])
         topics = recording.of_kinds((IMU,))
@@ -233,7 +231,7 @@ def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
         frames, rows = Frames(recording), list[tuple[float, float, float, float]]()
         frame = ""
         for message in recording.messages([max(topics, key=lambda topic: topic.count).name], []):
-            with suppress(InputError):  # damage is told where the scans are read
+            with suppress(InputError):  # damage is reported when the scans are read
                 content = decode(message)
                 rate, frame = content.angular_velocity, content.header.frame_id.lstrip("/")
                 rows.append(((stamp_of(content.header) or message.time) / 10**9, rate.x, rate.y, rate.z))

@@ -1,8 +1,8 @@
-"""Opens recordings of every format: MCAP, what rosbags reads, and ROS 2 bags that are folders.
+"""Opening recordings of every format: MCAP, ROS 1 bags and SQLite (by rosbags), and ROS 2 bags that are folders.
 
-MCAP is read by its index: of each topic the chunks that hold it. A file that was cut, or has no index, is read from its
-first byte as far as it goes, and one that grows for as long as it does (https://mcap.dev/spec). rosbags reads ROS 1
-bags and the SQLite of ROS 2. A folder has a metadata.yaml, and one file after another.
+MCAP files are read by their index, which lists the chunks of each topic. A file that was cut or has no index is read
+sequentially as far as possible, and a growing file until it stops growing (https://mcap.dev/spec). A ROS 2 bag folder
+has a metadata.yaml and a sequence of files.
 """
 
 from __future__ import annotations
@@ -45,31 +45,31 @@ from sonarmap.tools.files.user_file import naming
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Schema
 
-_LARGEST_METADATA = 1 << 18  # bytes, of which YAML reads 100 KB in a second
+_LARGEST_METADATA = 1 << 18  # bytes of metadata.yaml; YAML parses 100 KB in a second
 _COMPRESSED = (".zstd", ".zst")
 _IN_FOLDERS = (".db3", ".mcap")
-_MAGIC = 8  # bytes at a file's start
-_RECORD = 512  # bytes of memory that a record takes beside its content
-_READS = 8  # that a record takes at most
-_END = Struct("<Q8xI8x")  # of a file: where the summary starts, and its checksum
-_UNCHECKED = 12  # bytes of the end that the checksum does not cover
-_LARGEST_GROWN = 1 << 40  # bytes of a file that grows
-_Opened = Callable[[Path], AbstractContextManager[Any]]  # gives the reader of `rosbags` of a file
-_Unpacked = Callable[[Any, Any, str], bytes]  # of a message's content, time and topic; InputError where it is damaged
+_MAGIC = 8  # bytes of the magic number at a file's start
+_RECORD = 512  # memory of a record beside its content [bytes]
+_READS = 8  # largest number of reads per record
+_END = Struct("<Q8xI8x")  # end of an MCAP file: offset of the summary, and its checksum
+_UNCHECKED = 12  # bytes at the end that the checksum does not cover
+_LARGEST_GROWN = 1 << 40  # assumed size of a growing file [bytes]
+_Opened = Callable[[Path], AbstractContextManager[Any]]  # opens a file with the reader of rosbags
+_Unpacked = Callable[[Any, Any, str], bytes]  # from content, time and topic to plain bytes; InputError if damaged
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file is a recording by its suffix, or a folder is a ROS 2 bag."""
+    """Whether a path is a recording: a file by its suffix, or a folder that is a ROS 2 bag."""
     return path.suffix.lower() in (".bag", *_IN_FOLDERS) or is_bag_folder(path)
 
 
 def open_recording(path: Path, notes: list[str]) -> Recording:
-    """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list."""
+    """Open a file or folder for which `is_recording` is true; notes about it are appended to `notes`."""
     return _open_folder(path, notes) if path.is_dir() else _open_file(path, path.stat().st_size)
 
 
 def _open_file(path: Path, packed: int) -> Recording:
-    """`packed`: bytes of the file before it was unpacked, if it was."""
+    """Open one file. `packed`: its size before it was unpacked, if it was [bytes]."""
     match path.suffix.lower():
         case ".bag":
             return _recording(path, _opened_ros1, "ros1", lambda content, time, topic: content)
@@ -80,12 +80,12 @@ def _open_file(path: Path, packed: int) -> Recording:
 
 
 def _open_folder(folder: Path, notes: list[str]) -> Recording:
-    """Of all files of a bag, in the order of their times; notes name those that are missing or left out."""
+    """Open all files of a bag in chronological order; notes name those that are missing or left out."""
     files = _files_of(folder, notes)
     present = [file for file in files if file.is_file()]
     notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]
     if not present:
-        raise InputError(f"none of its files is there, as {BAG_METADATA} names them; copy the whole folder")
+        raise InputError(f"none of the files that {BAG_METADATA} names is there; copy the whole folder")
     packed = [file.stat().st_size for file in present if file.suffix in _COMPRESSED]
     room = Room(sum(packed)) if packed else None
     parts = list[Recording]()
@@ -103,13 +103,13 @@ def _open_folder(folder: Path, notes: list[str]) -> Recording:
 def _messages_of_parts(
     parts: Sequence[Recording], _: Room | None, names: Collection[str], faults: list[str]
 ) -> Iterator[Message]:
-    """The files that were unpacked stay for as long as this can be called."""
+    """The messages of all files. The unused argument keeps the unpacked files on disk while they may be read."""
     for part in parts:
         yield from part.messages(names, faults)
 
 
 def _start(part: Recording) -> float:
-    """When its first message was recorded [ns since 1970]; what cannot be read comes last."""
+    """Time of the first message [ns since 1970]; infinity if it cannot be read, so that the file comes last."""
     try:
         return next((message.time for message in part.messages([topic.name for topic in part.topics], [])), inf)
     except InputError:
@@ -117,20 +117,20 @@ def _start(part: Recording) -> float:
 
 
 def _files_of(folder: Path, notes: list[str]) -> list[Path]:
-    """As the metadata list them; those of the folder where the metadata do not."""
-    there = sorted(filter(_is_recording, folder.iterdir()))
+    """The files that the metadata list, or all recordings of the folder if the metadata cannot be read."""
+    present = sorted(filter(_is_recording, folder.iterdir()))
     listed = [file for file in _listed(folder) if _is_recording(file)]
     if not listed:
         notes.append(f"{BAG_METADATA} cannot be read; all recordings of the folder are taken")
-        return there
-    known = {_plain_name(file) for file in listed}  # a file may be there compressed and unpacked
-    left = [file.name for file in there if _plain_name(file) not in known]
-    notes += [f"{name} is left out, as {BAG_METADATA} does not name it" for name in left]
+        return present
+    names = {_plain_name(file) for file in listed}  # a file may be present both compressed and unpacked
+    unlisted = [file.name for file in present if _plain_name(file) not in names]
+    notes += [f"{name} is left out, as {BAG_METADATA} does not name it" for name in unlisted]
     return listed
 
 
 def _listed(folder: Path) -> list[Path]:
-    """Each once; none where the metadata cannot be read."""
+    """The files that the metadata list, each once; empty if the metadata cannot be read."""
     from ruamel.yaml import YAML
 
     try:
@@ -150,13 +150,12 @@ def _plain_name(file: Path) -> str:
 
 
 def open_mcap(path: Path, packed: int, more: Callable[[], bool] | None = None) -> Recording:
-    """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. `more`: whether messages
-    may still come, asked where the file ends, after waiting; None for a finished one. Its topics are those that are
-    there."""
+    """Open an MCAP file. `packed`: its size before it was unpacked, if it was [bytes]. `more`: for a growing file;
+    called at its end, it waits and returns whether messages may still come. Topics are those present at opening."""
     faults: list[str] = []
     most = most_records(packed)
     contents = _indexed(path) or _counted(_records(path, most, faults))
-    empty: dict[int, Message] = {}  # of each channel, without time and content
+    empty: dict[int, Message] = {}  # a message of each channel, without time and content
     known = Counter[tuple[str, str]]()
     for number, channel in contents.channels.items():
         schema, encoding = contents.schemas.get(channel.schema_id), channel.message_encoding
@@ -175,25 +174,24 @@ def open_mcap(path: Path, packed: int, more: Callable[[], bool] | None = None) -
 
 @dataclass(frozen=True, slots=True)
 class _Contents:
-    """What a file says, or a pass over it, of all that it holds."""
+    """The table of contents of an MCAP file."""
 
-    schemas: Mapping[int, Schema]  # by their numbers, as the channels
-    channels: Mapping[int, Channel]
-    counts: Mapping[int, int]  # messages of each channel
-    # the chunks in the file's order: where each starts, and the channels in it (none named: any); None where they are
-    # not known
+    schemas: Mapping[int, Schema]  # by id
+    channels: Mapping[int, Channel]  # by id
+    counts: Mapping[int, int]  # number of messages of each channel
+    # (offset, channels) of the chunks in the file's order, where no channels stand for any; None if unknown
     chunks: Sequence[tuple[int, Collection[int]]] | None
 
 
 def _indexed(path: Path) -> _Contents | None:
-    """As the summary at the file's end has it; None where there is none, or it is damaged, or says too little."""
+    """The contents by the summary at the file's end; None if it is missing, damaged or incomplete."""
     from mcap.opcode import Opcode
     from mcap.reader import SeekingReader
 
     size = path.stat().st_size
     try:
         with HeldBytes(path) as file, refused("its summary cannot be read"):
-            # the reader would pass over whatever comes before a header, also chunks that unpack to gigabytes
+            # the reader would read any records before a header, even chunks that unpack to gigabytes
             if file.read(_MAGIC + 1)[_MAGIC:] != bytes([Opcode.HEADER]):
                 return None
             file.seek(0)
@@ -218,7 +216,7 @@ def _indexed(path: Path) -> _Contents | None:
 
 
 def _counted(records: Iterator[McapRecord]) -> _Contents:
-    """As a pass over all records has it."""
+    """The contents by a pass over all records."""
     from mcap.records import Channel, Schema
     from mcap.records import Message as Record
 
@@ -242,7 +240,7 @@ def _messages(
     names: Collection[str],
     faults: list[str],
 ) -> Iterator[Message]:
-    """In the order of the file, and by their times within a chunk."""
+    """Yield the messages of some topics in the order of the file, and within a chunk by time."""
     from mcap.records import Message as Record
 
     wanted = {number for number, of in empty.items() if of.topic in names}
@@ -261,8 +259,8 @@ def _records(
     more: Callable[[], bool] | None = None,
     starts: Sequence[int] | None = None,
 ) -> Iterator[McapRecord]:
-    """Every record, those in chunks too, of which there may be `most` believably; with `starts` only those of the
-    chunks at these bytes. A chunk that is damaged is left out; what is cut or has no end is the end."""
+    """Yield every record, including those in chunks, or only those of the chunks at the offsets `starts`. A damaged
+    chunk is skipped; a record that is cut ends the sequence. `most`: largest plausible number of records."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
@@ -299,13 +297,13 @@ def _records(
 
 @dataclass(slots=True)
 class _Chunks:
-    """Takes the chunks of a file apart, within bounds for each and for all of them."""
+    """Splits the chunks of a file into records, with limits for each chunk and for all of them."""
 
-    unpacked: Unpacker  # their bytes
-    left: int  # how many records may still come
+    unpacked: Unpacker  # unpacks a chunk's bytes
+    left: int  # number of records that may still come
 
     def records(self, chunk: Chunk) -> list[McapRecord]:
-        """Schemas and channels first, then messages by their times."""
+        """The records of a chunk: schemas and channels, then messages by time."""
         from mcap.records import Message as Record
         from mcap.stream_reader import breakup_chunk
 
@@ -318,7 +316,7 @@ class _Chunks:
 
 
 def _count_records(plain: bytes, most: int) -> int:
-    """How many records a chunk has: each is a byte of its kind, eight of its length, and its content."""
+    """Number of records in a chunk: each is one byte for its kind, eight for its length, and its content."""
     place = count = 0
     while place < len(plain):
         place += 9 + int.from_bytes(plain[place + 1 : place + 9], "little")
@@ -329,28 +327,29 @@ def _count_records(plain: bytes, most: int) -> int:
 
 
 class _WholeReads:
-    """A file whose every read is whole. `most`: how many reads it may take believably; `more` as of `open_mcap`."""
+    """A file whose reads return all bytes or raise InputError. `most`: largest plausible number of reads; `more`: see
+    `open_mcap`."""
 
     def __init__(self, file: BinaryIO, path: Path, most: int, more: Callable[[], bool] | None = None) -> None:
-        self._file, self._path, self._left, self._more = file, path, most, more
+        self._file, self._path, self._reads_left, self._more = file, path, most, more
         self._size = path.stat().st_size
         self.place = 0
 
     def seek(self, place: int) -> None:
-        """Go on at a byte."""
+        """Continue at an offset [bytes]."""
         self.place = self._file.seek(place)
 
     def read(self, length: int) -> bytes:
-        """The next bytes."""
-        self._left -= 1
-        if self._left < 0:
+        """Read the next `length` bytes."""
+        self._reads_left -= 1
+        if self._reads_left < 0:
             raise InputError(f"it has too many records before byte {self.place:,}, {NOT_BELIEVABLE}")
         while self._more is not None and self._size - self.place < length <= LARGEST and self._more():
             self._size = self._path.stat().st_size
-        left = self._size - self.place
-        if not 0 <= length <= min(left, LARGEST):
+        remaining = self._size - self.place
+        if not 0 <= length <= min(remaining, LARGEST):
             raise InputError(
-                f"at byte {self.place:,} it claims {length:,} bytes more, and {left:,} are left: {CUT_OR_DAMAGED}"
+                f"at byte {self.place:,} it claims {length:,} bytes more, and {remaining:,} are left: {CUT_OR_DAMAGED}"
             )
         content = self._file.read(length)
         self.place += len(content)
@@ -358,7 +357,7 @@ class _WholeReads:
 
 
 def _open_sqlite(path: Path, size: int) -> Recording:
-    """Messages may be compressed one by one."""
+    """Open the SQLite database of a ROS 2 bag, whose messages may be compressed one by one."""
     recording = _recording(path, _opened_sqlite, "cdr", partial(_plain, Unpacker(size)))
     if sum(topic.count for topic in recording.topics) > most_records(size):
         raise InputError(f"it has more than {most_records(size):,} messages, {NOT_BELIEVABLE}")
@@ -379,17 +378,17 @@ def _indexed_messages(
     with opened(path) as reader:
         wanted = [connection for connection in reader.connections if connection.topic in names]
         try:
-            with refused("a message of it cannot be read"):
+            with refused("one of its messages cannot be read"):
                 for connection, time, content in reader.messages(wanted) if wanted else ():
                     plain = unpacked(content, time, connection.topic)
                     yield Message(connection.topic, connection.msgtype, time, plain, encoding)
         except InputError as error:
-            faults.append(f"{error}; what follows is missing")
+            faults.append(f"{error}; the messages after it are missing")
 
 
 @contextmanager
 def _opened_ros1(path: Path) -> Iterator[Any]:
-    """The bag with its index, and chunks that unpack to a limit."""
+    """Open a ROS 1 bag by its index, with a limit on the unpacked size of chunks."""
     from rosbags.rosbag1 import Reader
     from rosbags.rosbag1.reader import decompressors
 
@@ -423,11 +422,11 @@ def _opened_sqlite(path: Path) -> Iterator[Any]:
 
 
 def _require_stored(path: Path) -> None:
-    """Refuse columns that SQLite computes: a few bytes of schema would make a gigabyte of each message."""
+    """Raise InputError for generated columns: a few bytes of schema could make SQLite compute gigabytes per message."""
     with closing(sqlite3.connect(path)) as database:
         computed = "SELECT t.name FROM sqlite_master t, pragma_table_xinfo(t.name) c WHERE c.hidden LIMIT 1"
         if table := database.execute(computed).fetchone():
-            raise InputError(f"its table {table[0]} has a column that is computed, as no recorder does: copy it again")
+            raise InputError(f"its table {table[0]} has a generated column, which no recorder writes: copy it again")
 
 
 def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:

@@ -1,6 +1,6 @@
-"""A recording of messages on topics, whatever file it comes from, and what a message of the known types holds.
+"""A recording of messages on topics, independent of its file format; decoding of messages, and limited unpacking.
 
-What recordings compress is unpacked, and never more than a message or chunk can sensibly hold.
+Compressed data is unpacked only up to a plausible size of a message, chunk or file.
 """
 
 import bz2
@@ -25,19 +25,19 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 FOXGLOVE_CLOUD = "foxglove.PointCloud"
-LARGEST = 1 << 29  # bytes of a chunk, unpacked; recorders write a few MB each
+LARGEST = 1 << 29  # largest unpacked chunk [bytes]; recorders write a few MB each
 ZSTD_START = b"\x28\xb5\x2f\xfd"
 _PIECE = 1 << 22
 NOT_BELIEVABLE = "which is not believable for its size: the recording is damaged; copy it again"
 _NO_RECORDING = "which no recorder writes: the recording is damaged; copy it again"
-_ALL = 1000  # times the bytes of a file may all of its chunks hold, counted anew each time that they are read
-_FEW, _RECORD = 1 << 17, 4  # records that any file may hold, and bytes that one takes in large files: rather some tens
-_OF_FREE = 0.9  # of the room on a disk, which others need too
+_ALL = 1000  # largest ratio of the unpacked size of all chunks, in one pass, to the file's size
+_FEW, _RECORD = 1 << 17, 4  # records that any file may hold, and fewest bytes per record beyond (real ones take tens)
+_OF_FREE = 0.9  # share of a disk's free space that may be used
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic's name, the type of its messages (as sensor_msgs/msg/PointCloud2), and how many there are."""
+    """A topic's name, the type of its messages (as sensor_msgs/msg/PointCloud2), and their number."""
 
     name: str
     kind: str
@@ -46,53 +46,52 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message as it was recorded, not decoded yet."""
+    """A recorded message, not decoded yet."""
 
-    topic: str  # topic, kind: its topic's name and type
-    kind: str
-    time: int  # when it was recorded [ns since 1970]
-    content: bytes  # its bytes
+    topic: str  # name of its topic
+    kind: str  # type of the message
+    time: int  # time of recording [ns since 1970]
+    content: bytes
     encoding: str  # of the content: ros1, cdr or protobuf
-    schema: bytes = b""  # what protobuf needs to decode it
+    schema: bytes = b""  # schema for protobuf
 
 
-# The messages of topics with some names, in the order of their times; what is damaged is added to the list of faults.
+# Yields the messages of topics with some names in chronological order; damage is appended to the list of faults.
 ReadMessages = Callable[[Collection[str], list[str]], Iterator[Message]]
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """The topics of a recording, and its messages, which are read one by one and as often as they are asked for."""
+    """The topics of a recording, and its messages, which are read one by one with every call of `messages`."""
 
     topics: tuple[Topic, ...]
     messages: ReadMessages
 
     def of_kinds(self, kinds: Collection[str]) -> list[Topic]:
-        """The topics with messages of some types."""
+        """The topics that have messages of the types `kinds`."""
         return [topic for topic in self.topics if topic.kind in kinds and topic.count]
 
 
 def choose_topic(recording: Recording, name: str | None, kinds: Collection[str], path: object) -> Topic:
-    """The topic of that name, or the only one with messages of some types."""
-    able = recording.of_kinds(kinds)
+    """The topic `name`, or without a name the only topic with messages of the types `kinds`."""
+    candidates = recording.of_kinds(kinds)
     wanted = " or ".join(kinds)
     if name is None:
-        if len(able) == 1:
-            return able[0]
-        if able:
-            raise InputError(
-                f"it has {len(able)} topics of {wanted}: {listed(able)}; choose one, as in {path}::{able[0].name}"
-            )
+        if len(candidates) == 1:
+            return candidates[0]
+        if candidates:
+            words = f"it has {len(candidates)} topics of {wanted}: {listed(candidates)}"
+            raise InputError(f"{words}; choose one, as in {path}::{candidates[0].name}")
         raise InputError(f"it has no messages of type {wanted}; its topics are {listed(recording.topics)}")
-    known = [topic for topic in recording.topics if topic.name.lstrip("/") == name.lstrip("/")]
-    if not known:
+    topic = next((topic for topic in recording.topics if topic.name.lstrip("/") == name.lstrip("/")), None)
+    if topic is None:
         raise InputError(f"it has no topic {name}; its topics are {listed(recording.topics)}")
-    if known[0] not in able:
+    if topic not in candidates:
         raise InputError(
-            f"its topic {known[0].name} has {known[0].count:,} messages of type {known[0].kind}; wanted {wanted}: "
-            f"{listed(able)}"
+            f"its topic {topic.name} has {topic.count:,} messages of type {topic.kind}; wanted {wanted}: "
+            f"{listed(candidates)}"
         )
-    return known[0]
+    return topic
 
 
 def listed(topics: Sequence[Topic]) -> str:
@@ -102,23 +101,23 @@ def listed(topics: Sequence[Topic]) -> str:
 
 @contextmanager
 def refused(what: str) -> Iterator[None]:
-    """Whatever a library stumbles over in the block is an error in words that begin with `what`."""
+    """Turn any exception of a library in the block into an InputError whose message begins with `what`."""
     try:
         yield
     except (InputError, MemoryError):
         raise
-    except Exception as error:  # libraries answer damage with errors of any kind
+    except Exception as error:  # libraries raise anything for damaged files
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"{what} ({reason[:200]}): {CUT_OR_DAMAGED}") from error
 
 
 def topics_of(counts: Mapping[tuple[str, str], int]) -> tuple[Topic, ...]:
-    """Topics from {(name, type): count}, in order of their names."""
+    """Topics, sorted by name, from {(name, type): count}."""
     return tuple(Topic(name, kind, count) for (name, kind), count in sorted(counts.items()))
 
 
 def decode(message: Message) -> Any:
-    """The content of a message, with the fields of its type as attributes."""
+    """The decoded content of a message, with the fields of its type as attributes."""
     encoding = message.encoding
     with refused(f"its {message.kind} cannot be decoded"):
         if encoding == "cdr":
@@ -144,7 +143,7 @@ def _types(release: str) -> Any:
 
 @cache
 def _protobuf_class(kind: str, schema: bytes) -> Any:
-    """Of a message's type, as the schema in the file defines it."""
+    """The class of a message type, from the schema in the file."""
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
     pool = descriptor_pool.DescriptorPool()
@@ -155,10 +154,10 @@ def _protobuf_class(kind: str, schema: bytes) -> Any:
 
 @dataclass(slots=True)
 class Unpacker:
-    """Unpacks the chunks of one file, within bounds for each and for all of them."""
+    """Unpacks the chunks of one file, with size limits for each chunk and for all of them."""
 
     size: int  # of the file [bytes]
-    plain: int = 0  # bytes that came of it so far
+    plain: int = 0  # bytes unpacked so far
 
     def __call__(self, content: bytes, compression: str) -> bytes:
         """The plain bytes of a chunk. `compression`: none (or empty), bz2, lz4 (frames) or zstd."""
@@ -180,7 +179,7 @@ class Unpacker:
 
 
 def _stream(content: bytes, compression: str) -> Any:
-    """What gives the plain bytes piece by piece: the libraries take room for as much as they are asked for."""
+    """A stream of the plain bytes, to be read in pieces: the libraries allocate as much as a read requests."""
     match compression:
         case "zstd":
             import zstandard
@@ -196,27 +195,27 @@ def _stream(content: bytes, compression: str) -> Any:
 
 
 class HeldBytes(BufferedReader):
-    """A file of which no read asks for more than it holds: libraries believe a length in a damaged file, and memory is
-    taken for that before the bytes are missed."""
+    """A file that limits every read to the bytes it holds: libraries would allocate memory for any length that
+    a damaged file claims."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(FileIO(path))
         self._size = path.stat().st_size
 
     def read(self, size: int | None = -1) -> bytes:
-        """As of any file."""
-        left = max(self._size - self.tell(), 0)
-        return super().read(left if size is None or size < 0 else min(size, left))
+        """Read at most `size` bytes, and no more than remain in the file."""
+        remaining = max(self._size - self.tell(), 0)
+        return super().read(remaining if size is None or size < 0 else min(size, remaining))
 
 
 def most_records(packed: int) -> int:
-    """How many records some bytes may believably hold, however they are compressed."""
+    """The largest plausible number of records in a file of `packed` bytes."""
     return max(_FEW, packed // _RECORD)
 
 
 class Room:
-    """A folder for what the files of one bag unpack to; it is gone with the last reference to it. `packed`: bytes of
-    these files."""
+    """A temporary folder for the unpacked files of one bag, removed with the last reference to it. `packed`: total size
+    of the compressed files [bytes]."""
 
     def __init__(self, packed: int) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="sonarmap."))
@@ -225,7 +224,7 @@ class Room:
         self._written = 0
 
     def unpack(self, path: Path) -> Path:
-        """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked."""
+        """Unpack a file NAME.db3.zstd or NAME.mcap.zstd; return the path of the unpacked file."""
         import zstandard
 
         plain, yourself = self._folder / path.stem, f"unpack it yourself with zstd -d {path.name}"
@@ -253,6 +252,6 @@ class Room:
             raise InputError(f"the bag unpacks to more than {self._most:,} bytes, {_NO_RECORDING}, or {yourself}")
         if self._written > self._free:
             raise InputError(
-                f"the bag unpacks to more than the {self._free:,} bytes that it may take of {tempfile.gettempdir()}; "
+                f"the bag unpacks to more than the {self._free:,} bytes available in {tempfile.gettempdir()}; "
                 f"make room there, or {yourself} elsewhere"
             )

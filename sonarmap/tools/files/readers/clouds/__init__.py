@@ -1,1 +1,1 @@
-"""One file per format of point clouds: from a file's bytes to clouds, before their points are checked (`cloud.py`)."""
+"""Parsers of point cloud formats, one file per format: from a file's bytes to clouds that are not checked yet."""

@@ -1,4 +1,4 @@
-"""The content of a point cloud file, and the scan of its usable points."""
+"""The content of a point cloud file, and its conversion to a scan of the usable points."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,29 +11,29 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
 
 STRENGTH_NAMES = ("strength", "intensity", "amplitude", "reflectivity", "i")
-VIEWPOINT_NAMES = ("vp_x", "vp_y", "vp_z")  # as of PCL's PointWithViewpoint
+VIEWPOINT_NAMES = ("vp_x", "vp_y", "vp_z")  # as in PCL's PointWithViewpoint
 TIME_NAMES = ("gps_time", "gpstime", "timestamp", "time", "t")
 
 _LISTED = 300  # characters of names that a message lists
 
-# Sensors see hundreds of meters; beyond this it is a map coordinate, and float32 loses its centimeters.
+# Sensors see hundreds of meters; larger coordinates are map coordinates, whose centimeters float32 would lose.
 COORDINATE_LIMIT = 1e5
 _LONGEST_SCAN = 3600.0  # [s]
-_AWAY = 5.0  # how far from its middle map coordinates have their zero, at least, over a scan's extent
-POINT_BYTES = 3 * 8  # of a point while it is checked
+_AWAY = 5.0  # points are map coordinates if their median is farther from the origin than their extent times this
+POINT_BYTES = 3 * 8  # memory of a point while it is checked
 
 
 @dataclass(frozen=True, slots=True)
 class PingPatch:
-    """Of which line a scan is a patch, and where the line's navigation has it."""
+    """The survey line of which a scan is a patch, and the patch's pose by the line's navigation."""
 
-    path: Path  # of the line
-    middle: int  # the ping in whose frame, about the transducer, the scan is
-    count: int  # patches of the line
-    depth: float  # of the soundings below the transducer, in the median [m]
+    path: Path  # file of the line
+    middle: int  # index of the ping whose transducer frame is the scan's frame
+    count: int  # number of patches of the line
+    depth: float  # median depth of the soundings below the transducer [m]
     geodetic: tuple[float, float, float]  # latitude, longitude [deg], height [m] of the scan's frame
-    R_north_patch: Rotation  # in East, North, Up of this place
-    below_water: bool = True  # whether heights count from the water, and not from the transducer
+    R_north_patch: Rotation  # orientation in local East, North, Up
+    below_water: bool = True  # whether heights are relative to the water surface, not to the transducer
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +43,18 @@ class Cloud:
     points: np.ndarray  # (N, 3), integer or floating [m], x forward, y left, z up; NaN and inf allowed
     strength: np.ndarray | None = None  # (N,), integer or floating, linear, or None
     stamp: float | None = None  # time [s, UTC], or None where the file carries none
-    notes: tuple[str, ...] = field(default=())  # what the user should know about this cloud, in words
-    # (N, 3), where the sensor was when it saw each point [m], in the points' frame, or None
+    notes: tuple[str, ...] = field(default=())  # messages for the user about this cloud
+    # (N, 3), position of the sensor when it measured each point [m], in the points' frame, or None
     viewpoints: np.ndarray | None = None
-    times: np.ndarray | None = None  # (N,), when each point was seen [s], or None
-    prior: PosePrior | None = None  # what the sensor's own instruments say about its pose, or None
-    sound_speed: float | None = None  # with which the sensor computed its ranges [m/s], or None
-    patch: PingPatch | None = None  # which pings of a line it is made of, or None
+    times: np.ndarray | None = None  # (N,), time at which each point was measured [s], or None
+    prior: PosePrior | None = None  # pose measured by the sensor's own instruments, or None
+    sound_speed: float | None = None  # speed of sound with which the sensor computed ranges [m/s], or None
+    patch: PingPatch | None = None  # the pings of a line it is made of, or None
 
 
 def column_roles(names: Sequence[str]) -> dict[str, int]:
-    """Which columns are x, y, z and, where there are such, strength, vp_x, vp_y, vp_z and time: {role: index}, in upper
-    or lower case, with or without CloudCompare's prefix `scalar_`."""
+    """Indices {role: index} of the columns x, y, z and, if present, strength, vp_x, vp_y, vp_z and time. Names may have
+    any case, with or without CloudCompare's prefix `scalar_`."""
     plain = [name.lower().removeprefix("scalar_") for name in names]
     missing = [axis for axis in "xyz" if axis not in plain]
     if missing:
@@ -76,7 +76,7 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
 
 
 def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = ()) -> Cloud:
-    """The cloud of columns as `column_roles` calls them, each (N,), whatever else there is."""
+    """The cloud of columns {role: (N,)} with the roles of `column_roles`; other columns are ignored."""
     with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
         points = np.stack([columns[axis] for axis in "xyz"], axis=1)
     seen_from = [columns[name] for name in VIEWPOINT_NAMES if name in columns]
@@ -85,7 +85,7 @@ def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = (
 
 
 def columns_of(scan: Scan) -> dict[str, np.ndarray]:
-    """{name: (N,)} for `write_ply`: intensity, time and vp_x, vp_y, vp_z, as far as the scan has them."""
+    """Columns {name: (N,)} for `write_ply`: intensity, time and vp_x, vp_y, vp_z, if the scan has them."""
     columns = {} if scan.strength is None else {"intensity": scan.strength}
     if scan.times is not None:
         columns["time"] = scan.times
@@ -95,8 +95,8 @@ def columns_of(scan: Scan) -> dict[str, np.ndarray]:
 
 
 def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
-    """The usable points of `cloud` as a scan, and notes about what was dropped or corrected: points that are NaN or
-    infinite are dropped; strengths that are negative, NaN or infinite become 0."""
+    """The usable points of `cloud` as a scan, and notes about dropped points and corrected strengths: points that are
+    NaN or infinite are dropped; strengths that are negative, NaN or infinite become 0."""
     notes = list(cloud.notes)
     total = len(cloud.points)
     if total == 0:
@@ -104,7 +104,7 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
     with np.errstate(invalid="ignore"):
         points = cloud.points.astype(np.float64)
     finite = np.isfinite(points)
-    finite = np.ones(total, bool) if finite.all() else finite.all(axis=1)  # a look at each row takes ten times as long
+    finite = np.ones(total, bool) if finite.all() else finite.all(axis=1)  # all(axis=1) takes ten times as long
     dropped = total - int(finite.sum())
     if dropped == total:
         raise InputError(f"all of its {total:,} points are NaN or infinite; nothing is left to register")
@@ -123,8 +123,8 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
 
 
 def _times_after(cloud: Cloud, chosen: np.ndarray) -> np.ndarray | None:
-    """(N,) float32 [s] after the cloud's stamp, or after its first point, of the chosen points; None where none are
-    known, they tell nothing, or the points have been brought together from where the sensor was at these times."""
+    """Times (N,) float32 [s] of the chosen points after the cloud's stamp, or after its first point. None if they are
+    unknown or all equal, or if the points are already compensated for the sensor's motion (several viewpoints)."""
     viewpoints = cloud.viewpoints
     if cloud.times is None or (viewpoints is not None and np.ptp(viewpoints, axis=0).any()):
         return None
@@ -140,7 +140,7 @@ def _times_after(cloud: Cloud, chosen: np.ndarray) -> np.ndarray | None:
 
 
 def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
-    """Refuse finite points (N, 3) [m], N >= 1, of which one lies further than COORDINATE_LIMIT off."""
+    """Raise InputError if finite points (N, 3) [m], N >= 1, have a coordinate beyond COORDINATE_LIMIT."""
     largest = np.abs(points).max()
     if largest > COORDINATE_LIMIT:
         far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())
@@ -151,8 +151,8 @@ def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
 
 
 def looks_like(points: np.ndarray) -> str:
-    """What finite points (N, 3) are that lie too far off to be a scan's, and what to do, in words: a scan in another
-    unit is about its sensor, one in map coordinates lies far from it."""
+    """Words on why finite points (N, 3) are too far from the origin for a scan, and what to do: a scan in another unit
+    surrounds its sensor, one in map coordinates is far from the origin."""
     with np.errstate(over="ignore"):
         are_away = np.abs(np.median(points, axis=0)).max() > _AWAY * np.ptp(points, axis=0).max()
     if are_away:
@@ -164,7 +164,7 @@ def looks_like(points: np.ndarray) -> str:
 
 
 def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
-    """(N, 3) float32."""
+    """Viewpoints (N, 3) float32. Raises InputError: one is not finite, or a map coordinate."""
     with np.errstate(invalid="ignore"):
         places = viewpoints.astype(np.float64)
     bad = int((~np.isfinite(places).all(axis=1)).sum())
@@ -178,7 +178,7 @@ def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
 
 
 def _usable_strength(strength: np.ndarray) -> tuple[np.ndarray, int]:
-    """(N,) float32 >= 0, and how many values had to be set to 0."""
+    """Strengths (N,) float32 >= 0, and the number of values that were set to 0."""
     with np.errstate(invalid="ignore"):
         linear = strength.astype(np.float64)
     good = (linear >= 0) & (linear <= np.finfo(np.float32).max)

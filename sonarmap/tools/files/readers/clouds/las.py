@@ -1,4 +1,4 @@
-"""LAS and LAZ, versions 1.1 to 1.4, by laspy and lazrs: one file is one scan.
+"""LAS and LAZ files, versions 1.1 to 1.4, read with laspy and lazrs: one file is one scan.
 
 Format: https://www.asprs.org/divisions-committees/lidar-division/laser-las-file-format-exchange-activities
 """
@@ -44,32 +44,32 @@ from typing import IO, Any, cast
 from sonarmap.kernels.child import command_of, end_in_words, environment
 
 _PIECE = 1 << 19  # points that are unpacked at a time
-_LEAST_HEADER, _RECORD_HEADER = 227, 54  # bytes of a header, and of a variable length record's
-_POINT_FORMAT, _COMPRESSED = 104, 0xC0  # a byte of the header, and its bits that say whether points are compressed
-_ADJUSTED = 1_000_000_000  # seconds by which adjusted standard GPS time is less
+_LEAST_HEADER, _RECORD_HEADER = 227, 54  # bytes of the shortest header, and of a variable length record's header
+_POINT_FORMAT, _COMPRESSED = 104, 0xC0  # offset of the point format in the header, and its bits for compression
+_ADJUSTED = 1_000_000_000  # GPS time minus adjusted standard GPS time [s]
 _DAMAGED = "the file is cut or damaged; copy it again"
 Read = Callable[[bytes], list[Cloud]]
 
-_ARRAYS = ("points", "strength", "viewpoints", "times")  # of a cloud
-_SECONDS, _BYTES_PER_SECOND = 30, 100_000  # of processor time that a file may take: a tenth of a slow computer's speed
-_ROOM, _ROOM_PER_BYTE = 512 << 20, 200  # bytes of memory that it may take
-_DYING = 10.0  # seconds that a process which has closed its output may take to end
+_ARRAYS = ("points", "strength", "viewpoints", "times")  # array attributes of a cloud
+_SECONDS, _BYTES_PER_SECOND = 30, 100_000  # processor time for a file: 30 s, and 1 s per 100 kB (slow computers: 1 MB)
+_ROOM, _ROOM_PER_BYTE = 512 << 20, 200  # memory for a file, and per byte of it [bytes]
+_DYING = 10.0  # time that a process may take to end after it closed its output [s]
 
 _lock = Lock()
-_kept: tuple[int, subprocess.Popen[bytes]] | None = None  # the process that started it, as forks have another, and it
+_kept: tuple[int, subprocess.Popen[bytes]] | None = None  # id of the parent process (forks differ), and the reader
 
 
 def read_las(content: bytes) -> list[Cloud]:
-    """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are; the stamp is the
-    first time in UTC, where the header says that times are adjusted standard GPS time."""
+    """Read the points of a LAS or LAZ file, with intensity as strength, and GPS times not converted. The stamp is the
+    first time in UTC if the header declares adjusted standard GPS time."""
     (cloud,) = read_map_las(content)
     _refuse_map_coordinates(cloud.points, content)
     return [cloud]
 
 
 def read_map_las(content: bytes) -> list[Cloud]:
-    """The same, also of map coordinates; compressed points by another process, as damage can crash lazrs, or have it
-    take all memory."""
+    """Like `read_las`, but allows map coordinates. Compressed points are read in another process, as damaged files can
+    crash lazrs or make it allocate all memory."""
     _require_sound_header(content)
     return read_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)
 
@@ -85,7 +85,7 @@ def _read(content: bytes) -> list[Cloud]:
     except (InputError, MemoryError):
         raise
     except BaseException as error:
-        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":  # lazrs's last resort
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":  # a panic in lazrs
             raise
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"it cannot be read ({reason[:200]}): {_DAMAGED}") from error
@@ -96,7 +96,7 @@ def _read(content: bytes) -> list[Cloud]:
 
 
 def _require_sound_header(content: bytes) -> None:
-    """Refuse what the library would look for without end."""
+    """Raise InputError for a header that would keep laspy searching for records that are not there."""
     if len(content) < _LEAST_HEADER:
         raise InputError(f"it has {len(content)} bytes, less than a LAS header: the file is cut; copy it again")
     points_start, records = (int.from_bytes(content[place : place + 4], "little") for place in (96, 100))
@@ -105,7 +105,7 @@ def _require_sound_header(content: bytes) -> None:
 
 
 def _require_sound_points(content: bytes, header: LasHeader) -> None:
-    """Refuse more points than the file, or this machine's memory, can hold."""
+    """Raise InputError if the header promises more points than the file or this machine's memory can hold."""
     count, size, start = header.point_count, header.point_format.size, header.offset_to_point_data
     require_believable(f"a cloud of {count:,} points", len(content), count * POINT_BYTES)
     if not header.are_points_compressed:
@@ -114,7 +114,7 @@ def _require_sound_points(content: bytes, header: LasHeader) -> None:
 
 
 def _surplus(content: bytes, header: LasHeader) -> list[str]:
-    """A note about bytes that belong to no point, where nothing else may follow the points."""
+    """A note about bytes after the last point, if no other records may follow the points."""
     if header.are_points_compressed or header.number_of_evlrs or header.start_of_waveform_data_packet_record:
         return []
     end = header.offset_to_point_data + header.point_count * header.point_format.size
@@ -122,7 +122,7 @@ def _surplus(content: bytes, header: LasHeader) -> list[str]:
 
 
 def _columns(reader: LasReader) -> dict[str, np.ndarray]:
-    """x, y, z, intensity and, where the file has them, gps_time and vp_x, vp_y, vp_z, (N,) each."""
+    """Columns (N,) x, y, z, intensity and, if the file has them, gps_time and vp_x, vp_y, vp_z."""
     names = ["x", "y", "z", "intensity"]
     present = set(reader.header.point_format.dimension_names)
     names += [name for group in (("gps_time",), VIEWPOINT_NAMES) if present.issuperset(group) for name in group]
@@ -139,7 +139,7 @@ def _columns(reader: LasReader) -> dict[str, np.ndarray]:
 
 
 def _stamp_of(times: np.ndarray | None, header: LasHeader) -> float | None:
-    """Seconds since 1970; None where times are those of a GPS week, or there are none."""
+    """The first time [s, UTC]; None if there are no times, or only times of a GPS week."""
     from laspy.header import GpsTimeType
 
     if times is None or header.global_encoding.gps_time_type != GpsTimeType.STANDARD:
@@ -165,7 +165,7 @@ def _refuse_map_coordinates(points: np.ndarray, content: bytes) -> None:
 
 
 def crs_of(content: bytes) -> CRS | None:
-    """The coordinate reference system of a file that could be read; None where it names none that is known."""
+    """The coordinate reference system of a readable file; None if it has none that pyproj knows."""
     from laspy import LasHeader
 
     with suppress(Exception):  # pyproj and laspy answer damage with errors of any kind
@@ -174,8 +174,8 @@ def crs_of(content: bytes) -> CRS | None:
 
 
 def read_apart(read: Read, content: bytes) -> list[Cloud]:
-    """What `read` makes of a file, in a process of its own. `read`: a function of a module; its clouds have no
-    prior."""
+    """Run `read(content)` in a separate process, so that a crash cannot end this one. `read`: a module-level function;
+    priors of its clouds are not returned."""
     with _lock:
         process = _process()
         seconds, room = _SECONDS + len(content) // _BYTES_PER_SECOND, _ROOM + _ROOM_PER_BYTE * len(content)
@@ -187,17 +187,17 @@ def read_apart(read: Read, content: bytes) -> list[Cloud]:
         except (OSError, EOFError):
             end = _end(_DYING)
             raise InputError(f"its library ended with {end}: the file is cut or damaged; copy it again") from None
-        except BaseException:  # of Ctrl-C, an answer may be left in the pipe
+        except BaseException:  # after Ctrl-C an answer may remain in the pipe
             _end()
             raise
     raise InputError(head["refused"])
 
 
 def main(_: Sequence[str]) -> None:
-    """Of that process: read one file after another, until its input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program that started it
+    """Main function of the separate process: read one file after another until the input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles Ctrl-C
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever a library prints
+    os.dup2(2, 1)  # keep what libraries print out of the answers
     with suppress(EOFError):
         while True:
             module, name, seconds, room = json.loads(_receive(sys.stdin.buffer))
@@ -212,7 +212,7 @@ def _answer(read: Read, content: bytes) -> Iterable[bytes | memoryview]:
     except InputError as error:
         return [json.dumps({"refused": str(error)}).encode()]
     except MemoryError:
-        return [json.dumps({"refused": "it takes more memory than there is; thin its points out first"}).encode()]
+        return [json.dumps({"refused": "it needs more memory than is available; thin its points out first"}).encode()]
     heads: list[dict[str, Any]] = []
     arrays: list[np.ndarray] = []
     for cloud in clouds:
@@ -234,7 +234,7 @@ def _cloud_of(head: dict[str, Any], stream: IO[bytes] | None) -> Cloud:
 
 
 def _bound(seconds: int, room: int) -> None:
-    """Let the next file take so much more of a processor's time, and so many more bytes of memory; dump no core."""
+    """Limit the processor time [s] and the additional memory [bytes] for the next file, and disable core dumps."""
     try:
         import resource
 
@@ -266,7 +266,7 @@ def _receive(stream: IO[bytes] | None) -> bytes:
 
 
 def _process() -> subprocess.Popen[bytes]:
-    """The one that is kept, or another where there is none, or it has ended."""
+    """The running reader process; a new one if there is none or it has ended."""
     global _kept
     if _kept is None or _kept[0] != os.getpid() or _kept[1].poll() is not None:
         try:
@@ -278,19 +278,19 @@ def _process() -> subprocess.Popen[bytes]:
                 env={**environment(), "OPENBLAS_NUM_THREADS": "1"},
             )
         except OSError as error:
-            raise InputError(f"no process can be started to read it ({error.strerror or error}); end others") from error
+            raise InputError(f"cannot start a process to read it ({error.strerror or error}); end others") from error
         _kept = os.getpid(), process
     return _kept[1]
 
 
 def _end(patience: float = 0.0) -> str:
-    """End the process that is kept; with what it ended, in words, where it does so by itself within some seconds."""
+    """End the reader process, by force after `patience` seconds; return in words how it ended."""
     global _kept
     if _kept is None or _kept[0] != os.getpid():
         return "nothing"
     process, _kept = _kept[1], None
     for stream in (process.stdin, process.stdout):
-        with suppress(OSError):  # what was not sent yet, and cannot be
+        with suppress(OSError):  # data that can no longer be sent
             cast(IO[bytes], stream).close()
     try:
         return end_in_words(process.wait(patience))

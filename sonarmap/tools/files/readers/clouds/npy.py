@@ -1,7 +1,7 @@
-"""NumPy's .npy, one array (N, 3) or (N, 4), and .npz, a zip archive of arrays: never pickled.
+"""NumPy's .npy, one array (N, 3) or (N, 4), and .npz, a zip archive of arrays, without pickled objects.
 
-NumPy reads the header alone: nothing is allocated that a header promises and the file does not hold, nor unpacked
-beyond what its size makes likely.
+NumPy parses only the header. Memory for an array is allocated only if the file holds as many bytes, and an archive is
+unpacked only to a size in proportion to the file's.
 """
 
 import io
@@ -51,10 +51,10 @@ def parse_npy(content: bytes) -> np.ndarray:
     file = io.BytesIO(content)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of headers that Python 2 wrote
+            warnings.simplefilter("ignore")  # about headers that Python 2 wrote
             read = _HEADERS[np.lib.format.read_magic(file)]
             shape, is_fortran, dtype = read(file, max_header_size=_HEADER_LIMIT)
-    except Exception as error:  # whatever NumPy and Python's parser make of a damaged header
+    except Exception as error:  # NumPy and Python's parser raise anything for a damaged header
         raise InputError(f"its NPY header is damaged ({error}); save the array again") from error
     if dtype.kind not in "fiu" or dtype.itemsize > 8:
         kind = "objects" if dtype.hasobject else "fields" if dtype.fields else dtype
@@ -63,7 +63,7 @@ def parse_npy(content: bytes) -> np.ndarray:
             "np.asarray(points, np.float32)"
         )
     if len(shape) > 2 or min(shape, default=0) < 0:
-        raise InputError(f"its NPY header asks for shape {shape}; wanted (N, 3) or (N, 4)")
+        raise InputError(f"its NPY header has shape {shape}; wanted (N, 3) or (N, 4)")
     count, start = math.prod(shape), file.tell()
     require_bytes(f"{count:,} numbers of {dtype}", count * dtype.itemsize, len(content) - start)
     if len(content) - start > count * dtype.itemsize:
@@ -75,7 +75,7 @@ def parse_npy(content: bytes) -> np.ndarray:
 
 
 def read_npz(content: bytes) -> list[Cloud]:
-    """The points of a .npz file: `points`, perhaps `strength`, `stamp`, `viewpoints`, `times`; or its only array."""
+    """Read the points of a .npz file: `points`, optionally `strength`, `stamp`, `viewpoints`, `times`; or one array."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(content))
         members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
@@ -105,15 +105,15 @@ def _stamp_of(stamp: np.ndarray | None) -> float | None:
 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    """Memory stays in proportion to the file, whatever the archive claims."""
+    """The array of a member, if its claimed size is in proportion to its compressed size."""
     named = f"its member {member.filename!r}"
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise InputError(f"{named} is not compressed as NumPy does it; save it again")
+        raise InputError(f"{named} has a compression that NumPy does not use; save it again")
     require_believable(named, member.compress_size, member.file_size)
     require_memory(named, member.file_size, "thin its points out first")
     try:
         with archive.open(member) as file:
-            body = file.read(member.file_size)  # without a size, a member that lies about its own would be unpacked
+            body = file.read(member.file_size)  # without a size, a member larger than it claims would be unpacked
     except _DAMAGE as error:
         raise InputError(f"{named} is damaged ({error}); save it again") from error
     with naming(named):

@@ -1,4 +1,4 @@
-"""PCD of the Point Cloud Library: ascii, binary and binary_compressed, read strictly.
+"""Strict reader of PCD files of the Point Cloud Library: ascii, binary and binary_compressed.
 
 Format: https://pointclouds.org/documentation/tutorials/pcd_file_format.html
 """
@@ -25,22 +25,22 @@ _VIEWPOINT_NOTE = (
 )
 _AT_ORIGIN = "0 0 0 1 0 0 0"
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
-_LZF_RATIO = 88  # LZF never shrinks further: 264 bytes that repeat others cost it three
+_LZF_RATIO = 88  # highest compression of LZF: a repetition of 264 bytes takes three
 
 
-_Columns = tuple[dict[str, np.ndarray], list[str]]  # what is read, by role, and notes
+_Columns = tuple[dict[str, np.ndarray], list[str]]  # columns by role, and notes
 
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """One entry of names, dtypes and counts per field; `points` of them; where the sensor was, (3,) float64 [m]."""
+    """The header of a PCD file."""
 
-    names: list[str]
+    names: list[str]  # names, dtypes, counts: of each field
     dtypes: list[str]
-    counts: list[int]
-    points: int
-    lines: int
-    viewpoint: np.ndarray
+    counts: list[int]  # values per point
+    points: int  # number of points
+    lines: int  # number of lines of the header
+    viewpoint: np.ndarray  # (3,) float64, position of the sensor [m]
 
     @property
     def sizes(self) -> list[int]:
@@ -97,7 +97,7 @@ def _parse_header(text: bytes) -> _Header:
         counts=[_integer(count, "COUNT", least=1) for count in counts],
         points=points,
         lines=text.count(b"\n") + 1,
-        # PCL's sensor_origin; how it was turned there does not matter
+        # PCL's sensor_origin; the orientation is not needed
         viewpoint=_numbers(pose, 7, most, "VIEWPOINT", wanted)[:3],
     )
 
@@ -124,7 +124,7 @@ def _dtype(kind: str, size: str) -> str:
 
 
 def _numbers(text: str, count: int, largest: float, what: str, wanted: str) -> np.ndarray:
-    """(count,) float64 of a line of the header."""
+    """The numbers (count,) float64 of a line of the header."""
     try:
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
@@ -150,7 +150,7 @@ def _read_binary(content: bytes, start: int, header: _Header, roles: dict[str, i
 
 
 def _read_compressed(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
-    """Two sizes, then LZF over the fields one after another, each for all points."""
+    """The block holds two sizes, then LZF data with the values of all points for one field after another."""
     rows.require_bytes("two sizes", 8, len(content) - start)
     packed, unpacked = struct.unpack_from("<II", content, start)
     rows.require_bytes("compressed points", packed, len(content) - start - 8)

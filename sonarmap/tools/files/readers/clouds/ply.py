@@ -1,6 +1,6 @@
-"""PLY: ascii and binary of both byte orders, read strictly.
+"""Strict reader of PLY files: ascii, and binary in both byte orders.
 
-Every element is walked, also those after the vertices, so that a file cut anywhere is noticed.
+Elements after the vertices are read too, so that a file cut anywhere is detected.
 Format: G. Turk, The PLY Polygon File Format, 1994.
 """
 
@@ -28,7 +28,7 @@ _TYPES = {
 class _Property:
     name: str
     dtype: np.dtype
-    length: np.dtype | None = None  # of a list's counter; None for a scalar
+    length: np.dtype | None = None  # type of a list's length; None for a scalar
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class _Element:
 
     @property
     def least_bytes(self) -> int:
-        """Bytes of one record whose lists are empty."""
+        """Bytes of a record with empty lists."""
         return sum((p.length or p.dtype).itemsize for p in self.properties)
 
     @property
@@ -49,17 +49,17 @@ class _Element:
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """Byte order (empty: ascii), elements, which of them are the vertices, and where the header ends."""
+    """The header of a PLY file."""
 
-    order: str
+    order: str  # byte order; empty for ascii
     elements: list[_Element]
-    vertex: _Element
-    end: int
-    lines: int
+    vertex: _Element  # the element of vertices
+    end: int  # offset of the first byte after the header
+    lines: int  # number of lines of the header
 
 
 def read_ply(content: bytes) -> list[Cloud]:
-    """The vertices of a PLY file."""
+    """Read the vertices of a PLY file."""
     header = _header_of(content)
     roles = column_roles([p.name for p in header.vertex.properties])
     if header.order == "":
@@ -76,7 +76,7 @@ def read_ply(content: bytes) -> list[Cloud]:
 
 
 def read_ply_columns(content: bytes) -> dict[str, np.ndarray]:
-    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is."""
+    """Read all properties {name: (N,)} of the vertices of a binary PLY file, in their types."""
     header = _header_of(content)
     if header.order == "":
         raise InputError("it is an ascii PLY file; wanted a binary one, as `sonarmap map` writes")
@@ -99,7 +99,7 @@ def _header_of(content: bytes) -> _Header:
 
 
 def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
-    """The byte order (empty: ascii) and the elements."""
+    """The byte order (empty for ascii) and the elements."""
     order: str | None = None
     elements: list[_Element] = []
     for number, words in enumerate(lines, 2):
@@ -121,7 +121,7 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
                 kinds = np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[length])
                 elements[-1].properties.append(_Property(name, *kinds))
             case _:
-                # a property is named where it alone is wrong
+                # keep the word "property" if the property itself is at fault
                 known = "property " * (words[0] == "property" and bool(elements) and order is not None)
                 rest = rows.shown(" ".join(words[1:] if known else words).encode())
                 raise InputError(f"line {number} of its PLY header is not understood: {known}{rest}")
@@ -131,7 +131,7 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
 
 
 def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
-    """The vertices' columns, and the byte after the last element."""
+    """Columns (N,) of the vertices by role, and the offset of the first byte after the last element."""
     start, columns = header.end, dict[str, np.ndarray]()
     for element in header.elements:
         held = len(content) - start
@@ -144,7 +144,7 @@ def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tupl
 
 
 def _end_of(element: _Element, content: bytes, start: int) -> int:
-    """The byte after the last record of `element`."""
+    """Offset of the first byte after the last record of `element`."""
     if not element.has_list:
         return start + element.count * element.least_bytes
     for record in range(element.count):

@@ -1,4 +1,4 @@
-"""Numbers in rows: lines of text, and packed binary records; and how many bytes are believable."""
+"""Parsing of numbers in rows (lines of text and packed binary records), text clouds, and checks of claimed sizes."""
 
 import re
 from array import array
@@ -13,13 +13,13 @@ from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, c
 
 Line = tuple[int, bytes]  # its number in the file, from 1, and its content
 _LARGEST_RECORD = 1 << 20  # bytes of one point
-# Real points shrink a few times, clouds of which most is missing a hundred times, and an array of one value a thousand
-# times: a small one is not refused for that.
-_SMALL = 64 << 20
-_RATIO = 100
-_PLAIN = b"0123456789+-.eEnaifNAIF \t"  # NumPy splits lines at, and makes numbers of, more than these files mean
+# Limits of plausible decompression. Real points compress by a factor of a few, mostly empty clouds by 100, and constant
+# arrays by 1000, which are accepted up to _SMALL.
+_SMALL = 64 << 20  # bytes that any file may unpack to
+_RATIO = 100  # largest ratio of unpacked to packed bytes beyond that
+_PLAIN = b"0123456789+-.eEnaifNAIF \t"  # other characters are not left to np.loadtxt, which accepts too much
 _COMMENT = re.compile(rb"\s*(#|%|//)[#%/ \t]*")
-_UNIT = re.compile(r"[\[(]")  # how one begins
+_UNIT = re.compile(r"[\[(]")  # start of a unit in a column's name
 _BARE = {3: ("x", "y", "z"), 4: ("x", "y", "z", "strength")}
 
 
@@ -37,8 +37,8 @@ def whole_lines(text: bytes, first: int) -> list[Line]:
 def parse_rows(
     lines: Sequence[Line], columns: int, separator: bytes | None = None, comment: re.Pattern[bytes] | None = None
 ) -> np.ndarray:
-    """The numbers of `lines` as (N, columns) float64, without lines that match `comment`; `separator` None is any run
-    of blanks."""
+    """The numbers (N, columns) float64 of `lines` that do not match `comment`; a `separator` of None is any run of
+    blanks."""
     rows = [line for _, line in lines]
     if any(rows) and not b"".join(rows).translate(None, _PLAIN + (separator or b"")):
         with suppress(ValueError):
@@ -60,10 +60,10 @@ def parse_rows(
 
 
 def is_number(token: bytes) -> bool:
-    """Whether `token` is a number as these files write it (NaN and inf are)."""
+    """Whether `token` is a number, NaN or infinity."""
     with suppress(ValueError):
         float(token)
-        return b"_" not in token  # 1_000 is a number to Python, to nobody else
+        return b"_" not in token  # only Python accepts 1_000
     return False
 
 
@@ -75,8 +75,8 @@ def shown(token: bytes) -> str:
 def unpack_records(
     content: bytes, start: int, count: int, fields: Sequence[tuple[str, int]], roles: Mapping[str, int]
 ) -> dict[str, np.ndarray]:
-    """Columns of `count` packed records, from byte `start` on: {role: (count,)}. `fields` are dtype and bytes of each
-    field of a record, `roles` those that are wanted."""
+    """Columns {role: (count,)} of packed records that begin at byte `start`. `fields`: dtype and size [bytes] of each
+    field of a record; `roles`: {role: index} of the fields to return."""
     offsets = [0, *accumulate(size for _, size in fields)]
     stride = offsets[-1]
     if stride > _LARGEST_RECORD:
@@ -93,30 +93,30 @@ def unpack_records(
 
 
 def require_bytes(what: str, needed: int, held: int) -> None:
-    """Refuse a header that promises more bytes than the file holds after it."""
+    """Raise InputError if a header promises more bytes than follow it."""
     require(f"{what}, {needed:,} bytes, but only {max(held, 0):,} bytes follow", needed, held)
 
 
 def require(promised: str, needed: int, held: int) -> None:
-    """Refuse a header that promises more than the file holds after it, both in words."""
+    """Raise InputError if `needed` is more than `held`; `promised` says in words what the header promises."""
     if needed > held:
         remedy = "the file is cut or its header is wrong; write or copy it again"
         raise InputError(f"the header promises {promised}: {remedy}")
 
 
 def surplus_note(count: int, what: str, last: str) -> list[str]:
-    """A note about `count` lines or bytes after the last point or element; none if there are none."""
+    """A list with a note about `count` lines or bytes after the last point or element; empty for a count of 0."""
     return [f"ignored {count:,} {what} after the last {last}"] if count else []
 
 
 def most_unpacked(packed: int) -> int:
-    """To how many bytes some compressed ones may believably unpack."""
+    """The largest plausible size of unpacked data [bytes] for a packed size."""
     return max(_SMALL, _RATIO * packed)
 
 
 def require_believable(what: str, packed: int, plain: int) -> None:
-    """Refuse what would take memory out of all proportion to the file: `plain` bytes in memory, of `packed` ones in the
-    file, that `what` claims."""
+    """Raise InputError if `what` claims a size in memory, `plain` [bytes], out of proportion to its size in the file,
+    `packed` [bytes]."""
     if plain > most_unpacked(packed):
         raise InputError(
             f"{what} would make {plain:,} bytes of {packed:,}, which is not believable: the file is damaged, copy it "
@@ -155,21 +155,21 @@ def read_text(content: bytes) -> list[Cloud]:
 
 
 def _separator(line: bytes) -> bytes | None:
-    """Of the first line that is no comment; None is any run of blanks."""
+    """The separator of a line: a semicolon, a comma, or None for any run of blanks."""
     return next((mark for mark in (b";", b",") if mark in line), None)
 
 
 def _names_in(line: bytes, separator: bytes | None) -> list[str] | None:
-    """The columns' names without quotes and units (`"X [m]"` is X); None where not one is x, y or z."""
+    """Column names without quotes and units (`"X [m]"` becomes X); None if none of them is x, y or z."""
     tokens = [token.decode("utf-8").strip().strip("\"'") for token in line.split(separator)]
     names = [_UNIT.split(token, maxsplit=1)[0].strip() for token in tokens]
     if separator is None:
-        names = [name for name in names if name]  # a unit that stood alone
+        names = [name for name in names if name]  # drop units that were separate words
     return names if {"x", "y", "z"} & {name.lower() for name in names} else None
 
 
 def _commented_names(comments: list[Line], width: int) -> list[str] | None:
-    """Of the last comment that names x, y or z, and as many columns as there are."""
+    """Column names in the last comment that names x, y or z and has `width` columns; None if there is none."""
     texts = (_COMMENT.sub(b"", line, count=1) for _, line in reversed(comments))
     named = (_names_in(text, _separator(text)) or [] for text in texts)
     return next((names for names in named if len(names) == width), None)

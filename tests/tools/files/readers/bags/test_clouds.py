@@ -111,7 +111,7 @@ class TestLayouts:
             ({"width": 2**32 - 1}, "do not hold its fields"),
             ({"height": 2**32 - 1, "row_step": 2**32 - 1}, "bytes, and it holds 150"),
             ({"fields": [{"name": "x", "offset": 0, "datatype": 7, "count": 1}]}, "no column y, z"),
-            ({"fields": [field | {"datatype": 9} for field in cloud()["fields"]]}, "field x has a type of no known"),
+            ({"fields": [field | {"datatype": 9} for field in cloud()["fields"]]}, "field x has an unknown data type"),
         ],
     )
     def test_messages_that_contradict_themselves(self, tmp_path: Path, change: dict, words: str) -> None:
@@ -215,7 +215,7 @@ class TestFolders:
         (folder / "metadata.yaml").write_text(metadata)
         for file in folder.glob("*.mcap"):
             file.unlink()
-        refuses(r"dive: none of its files is there, as metadata\.yaml names them", read_scans, [folder])
+        refuses(r"dive: none of the files that metadata\.yaml names is there", read_scans, [folder])
 
 
 def test_points_strengths_and_stamps(tmp_path: Path) -> None:
@@ -240,7 +240,7 @@ def test_the_pose_of_a_cloud_in_its_frame(tmp_path: Path) -> None:
 def test_strides_that_do_not_fit(tmp_path: Path, stride: int) -> None:
     message = point_cloud()
     message.point_stride = stride
-    words = r"message 0 of /points: it holds 130 bytes, .* not a number of points of"
+    words = r"message 0 of /points: it holds 130 bytes, which is no multiple of its point size"
     refuses(words, read_scan, write_foxglove(tmp_path / "a.mcap", message))
 
 

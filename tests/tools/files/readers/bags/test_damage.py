@@ -184,7 +184,7 @@ def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None
         database.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")
         database.execute(f"ALTER TABLE {table} ADD COLUMN {column} AS (zeroblob(900000000))")
         database.commit()
-    with thrifty(), pytest.raises(InputError, match=f"its table {table} has a column that is computed, as no rec"):
+    with thrifty(), pytest.raises(InputError, match=f"its table {table} has a generated column, which no rec"):
         read_scans([path])
 
 
