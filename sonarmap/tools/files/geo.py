@@ -33,7 +33,7 @@ VERTICALS = {
 DEFAULT_VERTICAL = "surface"
 EAST = 90.0  # compass heading of an x axis that points East
 _FARTHEST = 200e3  # largest distance from the origin at which a tangent plane still makes a map [m]
-_ROUNDS = 3  # iterations that find a point's height above the ellipsoid; each divides the error by a million
+_ITERATIONS = 3  # iterations that find a point's height above the ellipsoid; each divides the error by a million
 WGS84 = 4326
 _NORTH, _SOUTH = 32600, 32700  # EPSG codes of UTM zone 0
 _POLES = {True: 5041, False: 5042}  # UPS, easting first
@@ -45,12 +45,12 @@ _ELLIPSOID_WKT = (
     f'VERT_CS["{_ELLIPSOID_NAME}",VERT_DATUM["Ellipsoid",2002],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]'
 )
 _MARGIN = 10.0  # a CRS may be used this far outside its area of use [deg], as neighboring zones use a UTM zone
-_AS = {"--origin": "as EPSG:32632:E,N, or degrees without a CRS, as 60.3913,5.3221"}  # option -> the wanted format
+_WANTED = {"--origin": "as EPSG:32632:E,N, or degrees without a CRS, as 60.3913,5.3221"}  # option -> the wanted format
 _NO_DATUM = (
     " without a datum, so its place on the Earth is unknown; wanted one with a datum, as EPSG:32632, or for export "
     "--crs map, the map's own frame"
 )
-_ABOUT = 0.01  # half width of the area around the map's origin in which a transformation must be valid [deg]
+_AREA = 0.01  # half width of the area around the map's origin in which a transformation must be valid [deg]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class Georeference:
         height = self.height + points[:, 2]
         up = height.copy()
         latitude, longitude = np.zeros_like(x), np.zeros_like(x)
-        for _ in range(_ROUNDS):
+        for _ in range(_ITERATIONS):
             longitude, latitude, reached = self._topocentric.transform(x, y, up, direction="INVERSE")
             up = up + height - reached
         return np.column_stack([latitude, longitude, height])
@@ -117,7 +117,7 @@ class Georeference:
         flat = self._turned(np.column_stack([x, y]), self.heading - EAST)
         if flat.size and not np.abs(flat).max() <= _FARTHEST:
             raise InputError(
-                f"a place is {np.abs(flat).max() / 1000:.6g} km from the map's origin at {self.latitude:.6f}, "
+                f"a point is {np.abs(flat).max() / 1000:.6g} km from the map's origin at {self.latitude:.6f}, "
                 f"{self.longitude:.6f}; wanted all within {_FARTHEST / 1000:g} km"
             )
         return np.column_stack([flat, height - self.height])
@@ -229,7 +229,7 @@ class Projection:
         longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
         geodetic = np.column_stack([latitude, longitude, height])
         if not np.isfinite(geodetic).all():
-            raise InputError(f"an easting or northing is not a place in {self.name} ({self.crs.name})")
+            raise InputError(f"an easting or northing is outside of {self.name} ({self.crs.name})")
         return geodetic
 
     def convergence(self, geodetic: np.ndarray) -> np.ndarray:
@@ -293,7 +293,7 @@ def _projected(crs: str, option: str) -> "CRS":
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    wanted = _AS.get(option, "as EPSG:32632")
+    wanted = _WANTED.get(option, "as EPSG:32632")
     try:
         named = CRS.from_user_input(crs)
     except CRSError as error:
@@ -319,7 +319,7 @@ def _require_exact(crs: "CRS", given: str, georeference: Georeference) -> None:
     from pyproj.transformer import AreaOfInterest, TransformerGroup
 
     latitude, longitude = georeference.latitude, georeference.longitude
-    about = AreaOfInterest(longitude - _ABOUT, latitude - _ABOUT, longitude + _ABOUT, latitude + _ABOUT)
+    about = AreaOfInterest(longitude - _AREA, latitude - _AREA, longitude + _AREA, latitude + _AREA)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about a missing grid, which is reported below
         group = TransformerGroup(WGS84, crs, always_xy=True, allow_ballpark=False, area_of_interest=about)

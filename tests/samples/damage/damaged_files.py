@@ -201,7 +201,7 @@ def _peak(process: Path) -> int:
 
 
 def _processes() -> list[Path]:
-    kept = [] if module._kept is None else [str(module._kept[1].pid)]
+    kept = [] if module._reader is None else [str(module._reader[1].pid)]
     return [Path("/proc") / process for process in ("self", *kept)]
 
 

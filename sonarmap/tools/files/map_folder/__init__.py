@@ -1,1 +1,1 @@
-"""What is in the folder that `sonarmap map` writes: the files' names, and the map read back from them."""
+"""The folder that `sonarmap map` writes: its file names, and reading the map from it."""

@@ -154,17 +154,17 @@ class Map:
         )
 
     def on_earth(self, part: MapPart) -> bool:
-        lone = part is self.parts[0] and not any(each.placed for each in self.parts)
-        return self.georeference is not None and (part.placed or lone)
+        is_first = part is self.parts[0] and not any(other.placed for other in self.parts)
+        return self.georeference is not None and (part.placed or is_first)
 
     def surface(self, part: MapPart) -> MapPart:
-        """The part without stray echoes, for what is made of surfaces: grids, contours, meshes, sections, volumes."""
+        """The part without stray echoes, for products of surfaces: grids, contours, meshes, sections, volumes."""
         return part.take(on_surface(part.points, self.voxel))
 
     def surveys(self, part: MapPart) -> list[int]:
-        """To which survey each scan of the part belongs; all to the first where the summary does not say.
+        """The survey index of each scan of the part; 0 for all if summary.json has no list of scans.
 
-        Raises InputError: it says so of some scans alone."""
+        Raises InputError: the list lacks the survey of a scan."""
         rows = self.summary.get("scans")
         if not rows:
             return [0] * len(part.scans)
@@ -177,7 +177,7 @@ class Map:
 
 
 def read_map_folder(path: Path) -> Map:
-    """The map in a folder. Raises InputError: no folder that `sonarmap map` wrote, or files of it that are missing or
+    """Read the map in a folder. Raises InputError: `sonarmap map` did not write the folder, or files are missing or
     damaged."""
     expected = "the folder that `sonarmap map` wrote"
     if not path.is_dir():
@@ -193,13 +193,13 @@ def read_map_folder(path: Path) -> Map:
         graph = read_json(path / FULL_GRAPH, f"a file of {expected}")
         poses = graph["poses"]
         with naming(path / FULL_GRAPH):
-            everything = trajectory_of(poses)
+            trajectory = trajectory_of(poses)
         covariances = np.array([pose["covariance"] for pose in poses], dtype=np.float64).reshape(-1, 6, 6)
         parts = []
         for suffix, row in zip(suffixes, rows, strict=True):
             scans = tuple(int(scan) for scan in row["scans"])
             cloud = map_points(path / f"map{suffix}.ply", scans)
-            placed = everything.take(scans), covariances[list(scans)], bool(poses[scans[0]]["in_world"])
+            placed = trajectory.take(scans), covariances[list(scans)], bool(poses[scans[0]]["in_world"])
             if not np.isfinite(placed[1]).all():  # null is NaN
                 raise ValueError("a covariance that is not finite")
             parts.append(MapPart(suffix, *cloud, scans, *placed, tuple(str(name) for name in row["unmeasured"])))

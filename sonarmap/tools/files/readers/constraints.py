@@ -138,7 +138,7 @@ def read_control(
     it is None, the first point's rounded latitude and longitude become the origin. `crs` is that of GRID columns."""
     if georeference is not None and georeference.heading != 90.0:
         raise InputError(
-            "--origin-heading has no effect where control points place the map, whose x is East; leave it out"
+            "--origin-heading has no effect with control points, which make the map's x axis East; leave it out"
         )
     table = read_csv_table(path)
     columns, across, up = _control_columns(table)

@@ -27,7 +27,7 @@ _DEGREES = re.compile(
     r"\s*([NSEW])?",
     re.IGNORECASE,
 )
-_HALVES = {"lat_deg": "NS", "lon_deg": "EW"}
+_HEMISPHERES = {"lat_deg": "NS", "lon_deg": "EW"}
 PAIRS = "pairs.csv"  # table of registered pairs in the folder of `sonarmap map`
 SUMMARY = "summary.json"  # summary of a finished map in its folder
 
@@ -189,7 +189,7 @@ def degrees(cell: str, quantity: str) -> float:
     texts = [part.replace(",", ".") for part in parts.group(3, 4, 5) if part]
     whole, minutes, seconds = (*(float(text) for text in texts), 0.0, 0.0)[:3]
     is_exact = not any("." in text for text in texts[:-1])  # only the last part has decimals
-    if not is_exact or minutes >= 60 or seconds >= 60 or (half and (parts[2] or half not in _HALVES[quantity])):
+    if not is_exact or minutes >= 60 or seconds >= 60 or (half and (parts[2] or half not in _HEMISPHERES[quantity])):
         return np.nan
     return (whole + minutes / 60 + seconds / 3600) * (-1 if parts[2] == "-" or half in ("S", "W") else 1)
 
@@ -198,7 +198,7 @@ def place_of(text: str) -> list[float]:
     """Latitude, longitude [deg] and any further numbers, separated by commas or, with decimal commas, by semicolons;
     NaN for anything else: `60.3913,5.3221`, `60°23.478'N, 5°19.326'E, 2.5`, `60,3913; 5,3221`."""
     parts = [part.strip() for part in text.split(";" if ";" in text else ",")]
-    angles = [degrees(part, quantity) for part, quantity in zip(parts, _HALVES, strict=False)]
+    angles = [degrees(part, quantity) for part, quantity in zip(parts, _HEMISPHERES, strict=False)]
     return [*angles, *(number(part.replace(",", ".")) for part in parts[2:])]
 
 

@@ -105,30 +105,30 @@ def format_of(path: Path) -> Format | None:
 
 def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> Iterator[Cloud]:
     path = selected.path
-    if (known := format_of(path)) is None:
+    if (file_format := format_of(path)) is None:
         poses = "these are poses, not scans; " if path.suffix.lower() in _OF_POSES else ""
         suffix = path.suffix or "(no suffix)"
         raise InputError(f"{poses}unknown format {suffix!r}; known formats are {', '.join(FORMATS)}")
-    if known is not _BAG_FOLDER:
+    if file_format is not _BAG_FOLDER:
         require_kind(path, FORMATS)
-    if selected.topic is not None and not known.has_topics:
-        raise InputError(f"::{selected.topic} names a topic, but {known.kind} has none; leave it out")
-    if known.is_line:
+    if selected.topic is not None and not file_format.has_topics:
+        raise InputError(f"::{selected.topic} names a topic, but {file_format.kind} has none; leave it out")
+    if file_format.is_line:
         clouds = line_clouds(path, notes, lines)
-    elif known.stream is not None:
-        clouds = known.stream(path, selected.topic, notes)
+    elif file_format.stream is not None:
+        clouds = file_format.stream(path, selected.topic, notes)
     else:
-        assert known.read is not None, "a format is read at once or streamed"
+        assert file_format.read is not None, "a format is read at once or streamed"
         with unreadable():
             require_memory("the file", path.stat().st_size, "thin its points out first")
             content = path.read_bytes()
-        clouds = iter(known.read(content))
-    beside = path.with_suffix(TRAJECTORY)
-    believable = _believable(clouds, path)
-    return (_with_viewpoints(cloud, beside) for cloud in believable) if beside.is_file() else believable
+        clouds = iter(file_format.read(content))
+    trajectory = path.with_suffix(TRAJECTORY)
+    checked = _checked(clouds, path)
+    return (_with_viewpoints(cloud, trajectory) for cloud in checked) if trajectory.is_file() else checked
 
 
-def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
+def _checked(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
     """The clouds, checked so that their points as float64 take memory in proportion to the file's size."""
     size = sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]) if file.is_file())
     for cloud in clouds:

@@ -20,8 +20,8 @@ from sonarmap.tools.files.readers.sonar.recording import Recording
 RECORDING, MCAP = ".sonar", ".mcap"
 GROWING = (RECORDING, MCAP)  # suffixes of files from which scans can be read while they are written
 _PART = re.compile(r"\.part(\d*)(?=\.sonar$)")  # part of the name of an unfinished recording
-_LOOKS = 0.02  # interval between checks of a growing file [s]
-_LOOKS_FOR_FILES = 0.3  # interval between checks of a folder; a file unchanged for this long is complete [s]
+_POLL_INTERVAL = 0.02  # interval between checks of a growing file [s]
+_FOLDER_INTERVAL = 0.3  # interval between checks of a folder; a file unchanged for this long is complete [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +76,12 @@ def _of_folder(folder: Path, corrections: Corrections, ended: Callable[[], bool]
             else:
                 break
             try:
-                for each in scans:
-                    after, here = each.behind, each.missing
+                for item in scans:
+                    after, here = item.behind, item.missing
                     if not is_recording:
-                        stamp = each.scan.stamp if each.scan.stamp > stamp else stamp + 1
-                        each = replace(each, scan=replace(each.scan, stamp=stamp))
-                    yield replace(each, missing=missing + here)
+                        stamp = item.scan.stamp if item.scan.stamp > stamp else stamp + 1
+                        item = replace(item, scan=replace(item.scan, stamp=stamp))
+                    yield replace(item, missing=missing + here)
             except InputError:
                 if is_recording and path.exists():
                     raise
@@ -91,7 +91,7 @@ def _of_folder(folder: Path, corrections: Corrections, ended: Callable[[], bool]
             passed, missing, unreadable = name, missing + here, None
             if ended():
                 return
-        time.sleep(_LOOKS_FOR_FILES)
+        time.sleep(_FOLDER_INTERVAL)
 
 
 def replayed(
@@ -103,7 +103,7 @@ def replayed(
     for number, scan in enumerate(scans[after.count :], after.count + 1):
         due = begun + (scan.stamp - start) / factor if factor > 0 else begun
         while (remaining := due - time.monotonic()) > 0 and not ended():
-            time.sleep(min(remaining, _LOOKS_FOR_FILES))
+            time.sleep(min(remaining, _FOLDER_INTERVAL))
         if ended():
             return
         yield Incoming(scan, Mark("", number))
@@ -117,7 +117,7 @@ def _of_growing(path: Path, corrections: Corrections, grows: Callable[[], bool],
         nonlocal is_last
         if is_last:
             return False
-        time.sleep(_LOOKS)
+        time.sleep(_POLL_INTERVAL)
         is_last = not grows()  # if it has stopped growing, read what was written meanwhile, then end
         return True
 

@@ -31,15 +31,15 @@ FRAMES = {
 }
 # Name -> meters. The US survey foot is 1200/3937 m.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
-_SAMPLE = 1000  # points of a scan from which its size is estimated
+_SAMPLE = 1000  # points of a scan from which its size is estimated, approximately
 _LEAST_SCANS = 3  # scans needed to detect another unit: of two it is unknown which is wrong
 _LEAST_POINTS = 100  # points needed to estimate a scan's size
 # A scan whose size differs from the median by this factor is in another unit. Views of one place differ in range by a
 # factor of tens, centimeters and meters by a hundred. A scan smaller by this factor fills only three voxels of 128.
-_STRANGE = 40.0
-_UNITS = {"centimeters": (40, 300), "millimeters": (300, 3000)}  # unit -> range of the factor between sizes
+_SIZE_FACTOR = 40.0
+_UNIT_FACTORS = {"centimeters": (40, 300), "millimeters": (300, 3000)}  # unit -> range of the factor between sizes
 _LISTED = 5  # scans that a message lists
-_FIRST = 64  # points by which scans are hashed before a full comparison
+_HASHED_POINTS = 64  # points by which scans are hashed before a full comparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class PointFrame:
             return columns * (R_flu_file.sum(axis=1) * UNITS[self.unit])
 
 
-AS_WE_HAVE_THEM = PointFrame()
+FORWARD_LEFT_UP = PointFrame()
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Corrections:
     # true speed of sound [m/s]: ranges are multiplied by its ratio to the recorded one; None for no correction
     sound_speed: float | None = None
     scale: float = 1.0  # further factor on ranges, for any format
-    frame: PointFrame = AS_WE_HAVE_THEM  # axes and unit of the points in files
+    frame: PointFrame = FORWARD_LEFT_UP  # axes and unit of the points in files
     lines: LineReading = AS_LINES  # how lines of pings are divided into scans
 
     def __post_init__(self) -> None:
@@ -330,7 +330,7 @@ def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
     if len(sizes) < _LEAST_SCANS:
         return {}
     median = float(np.median(list(sizes.values())))
-    strange = {k: size for k, size in sizes.items() if not 1 / _STRANGE < size / median < _STRANGE}
+    strange = {k: size for k, size in sizes.items() if not 1 / _SIZE_FACTOR < size / median < _SIZE_FACTOR}
     return {k: _in_words(size, median, size / median) for k, size in strange.items()}
 
 
@@ -342,7 +342,7 @@ def _size(scan: Scan) -> float:
 
 def _in_words(size: float, median: float, ratio: float) -> str:
     is_larger, factor = ratio > 1, max(ratio, 1 / ratio)
-    unit = next((unit for unit, (least, most) in _UNITS.items() if least <= factor < most), "another unit")
+    unit = next((unit for unit, (least, most) in _UNIT_FACTORS.items() if least <= factor < most), "another unit")
     hint = f"as if {'it was' if is_larger else 'the others were'} in {unit}"
     return (
         f"its points are spread over {size:.3g} m, those of the other scans over {median:.3g} m: {factor:.3g} times "
@@ -355,7 +355,7 @@ def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
     firsts: dict[tuple[int, bytes], list[int]] = {}
     pairs: list[tuple[int, int]] = []
     for k, scan in enumerate(scans):
-        candidates = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
+        candidates = firsts.setdefault((len(scan.points), scan.points[:_HASHED_POINTS].tobytes()), [])
         earlier = next((j for j in candidates if np.array_equal(scans[j].points, scan.points)), k)
         if earlier == k:
             candidates.append(k)

@@ -99,9 +99,7 @@ def _passed_over(
     """Message about subfolders of `folder` that hold scans in the same formats but were not named; empty if none do."""
     suffixes = sorted({each.path.suffix.lower() for each in files if each.path.parent == folder})
     below = [each for each in _folders_below(folder, suffixes, skipped) if each.resolve() not in named]
-    return (
-        f"{folder} holds scans in folders too, which are not read: {_names(folder, below, suffixes)}" if below else ""
-    )
+    return f"{folder} has subfolders with scans, which are not read: {_names(folder, below, suffixes)}" if below else ""
 
 
 def _folders_below(folder: Path, suffixes: Collection[str], skipped: Collection[Path]) -> list[Path]:
@@ -158,7 +156,7 @@ def _scans_among(
     if files:
         return files
     if folder is not None and (below := _folders_below(folder, suffixes, skipped)):
-        raise InputError(f"{where} holds no scans, but folders in it do: {_names(folder, below, suffixes)}")
+        raise InputError(f"{where} holds no scans, but its subfolders do: {_names(folder, below, suffixes)}")
     instead = ", but a finished map: give the scans that it was made of" if len(skipped) > named else ""
     raise InputError(f"{where} holds no scans{instead}; known formats are {', '.join(suffixes)}")
 

@@ -121,7 +121,7 @@ def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:
     (tmp_path / "a.laz").write_bytes(las())
     (tmp_path / "script.py").write_text(
         "import sonarmap\nprint(len(sonarmap.read_scans('a.laz')[0].points))\n"
-        "from sonarmap.tools.files.readers.clouds.las import _kept\nprint(_kept[1].pid)\n"
+        "from sonarmap.tools.files.readers.clouds.las import _reader\nprint(_reader[1].pid)\n"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     ended = subprocess.run(

@@ -120,13 +120,13 @@ def test_folders_within_a_folder_are_named(tmp_path):
         put(tmp_path / name, b"1 2 3\n")
     put(tmp_path / "map/summary.json", b"{}")
     named = (
-        rf"^the folder {tmp_path} holds no scans, but folders in it do: '{tmp_path}/dive 2' {tmp_path}/dives10\. Name"
+        rf"^the folder {tmp_path} holds no scans, but its subfolders do: '{tmp_path}/dive 2' {tmp_path}/dives10\. Name"
     )
     refuses(named, read_scans, [tmp_path])
     assert len(read_scans([tmp_path / "dive 2", f"{tmp_path}/dives10"]).scans) == 3
     put(tmp_path / "d.xyz", b"1 2 3\n")
     (note,) = [note for note in read_scans([tmp_path]).notes if "folders" in note]
-    assert note.startswith(f"{tmp_path} holds scans in folders too, which are not read: '{tmp_path}/dive 2'")
+    assert note.startswith(f"{tmp_path} has subfolders with scans, which are not read: '{tmp_path}/dive 2'")
     (note,) = [note for note in read_scans([tmp_path, tmp_path / "dive 2"]).notes if "folders" in note]
     assert "dive 2" not in note
     assert not [note for note in read_scans([f"{tmp_path}/*.xyz", tmp_path / "dives10"]).notes if "folders" in note]

@@ -51,12 +51,12 @@ _DAMAGED = "the file is cut or damaged; copy it again"
 Read = Callable[[bytes], list[Cloud]]
 
 _ARRAYS = ("points", "strength", "viewpoints", "times")  # array attributes of a cloud
-_SECONDS, _BYTES_PER_SECOND = 30, 100_000  # processor time for a file: 30 s, and 1 s per 100 kB (slow computers: 1 MB)
-_ROOM, _ROOM_PER_BYTE = 512 << 20, 200  # memory for a file, and per byte of it [bytes]
-_DYING = 10.0  # time that a process may take to end after it closed its output [s]
+_SECONDS, _BYTES_PER_SECOND = 30, 100_000  # processor time: 30 s + 1 s per 100 kB, ten times what slow computers need
+_MEMORY, _MEMORY_PER_BYTE = 512 << 20, 200  # memory for a file, and per byte of it [bytes]
+_END_TIMEOUT = 10.0  # time that a process may take to end after it closed its output [s]
 
 _lock = Lock()
-_kept: tuple[int, subprocess.Popen[bytes]] | None = None  # id of the parent process (forks differ), and the reader
+_reader: tuple[int, subprocess.Popen[bytes]] | None = None  # id of the parent process (forks differ), and the reader
 
 
 def read_las(content: bytes) -> list[Cloud]:
@@ -158,9 +158,9 @@ def _refuse_map_coordinates(points: np.ndarray, content: bytes) -> None:
         f"{axis} {low:.10g} to {high:.10g}" for axis, low, high in zip("xyz", finite.min(0), finite.max(0), strict=True)
     )
     raise InputError(
-        f"its points are map coordinates in {system}: {ranges} m. Scans are wanted in meters in the "
-        "sensor's own frame. If each file is what the sensor saw from one place, subtract the sensor's place from its "
-        "points, as with `pdal translate` and filters.transformation; the tiles of a finished map are not scans"
+        f"its points are map coordinates in {system}: {ranges} m; wanted a scan in meters in the sensor's own frame. "
+        "If each file holds one scan, subtract the sensor's position from its points, as with `pdal translate` and "
+        "filters.transformation; tiles of a finished map are not scans"
     )
 
 
@@ -178,14 +178,14 @@ def read_apart(read: Read, content: bytes) -> list[Cloud]:
     priors of its clouds are not returned."""
     with _lock:
         process = _process()
-        seconds, room = _SECONDS + len(content) // _BYTES_PER_SECOND, _ROOM + _ROOM_PER_BYTE * len(content)
+        seconds, room = _SECONDS + len(content) // _BYTES_PER_SECOND, _MEMORY + _MEMORY_PER_BYTE * len(content)
         try:
             _send(process.stdin, [json.dumps([read.__module__, read.__name__, seconds, room]).encode(), content])
             head = json.loads(_receive(process.stdout))
             if "refused" not in head:
                 return [_cloud_of(cloud, process.stdout) for cloud in head["clouds"]]
         except (OSError, EOFError):
-            end = _end(_DYING)
+            end = _end(_END_TIMEOUT)
             raise InputError(f"its library ended with {end}: the file is cut or damaged; copy it again") from None
         except BaseException:  # after Ctrl-C an answer may remain in the pipe
             _end()
@@ -212,7 +212,7 @@ def _answer(read: Read, content: bytes) -> Iterable[bytes | memoryview]:
     except InputError as error:
         return [json.dumps({"refused": str(error)}).encode()]
     except MemoryError:
-        return [json.dumps({"refused": "it needs more memory than is available; thin its points out first"}).encode()]
+        return [json.dumps({"refused": "it takes more memory than is available; thin its points out first"}).encode()]
     heads: list[dict[str, Any]] = []
     arrays: list[np.ndarray] = []
     for cloud in clouds:
@@ -267,8 +267,8 @@ def _receive(stream: IO[bytes] | None) -> bytes:
 
 def _process() -> subprocess.Popen[bytes]:
     """The running reader process; a new one if there is none or it has ended."""
-    global _kept
-    if _kept is None or _kept[0] != os.getpid() or _kept[1].poll() is not None:
+    global _reader
+    if _reader is None or _reader[0] != os.getpid() or _reader[1].poll() is not None:
         try:
             process = subprocess.Popen(
                 command_of(__name__),
@@ -279,16 +279,16 @@ def _process() -> subprocess.Popen[bytes]:
             )
         except OSError as error:
             raise InputError(f"cannot start a process to read it ({error.strerror or error}); end others") from error
-        _kept = os.getpid(), process
-    return _kept[1]
+        _reader = os.getpid(), process
+    return _reader[1]
 
 
 def _end(patience: float = 0.0) -> str:
     """End the reader process, by force after `patience` seconds; return in words how it ended."""
-    global _kept
-    if _kept is None or _kept[0] != os.getpid():
+    global _reader
+    if _reader is None or _reader[0] != os.getpid():
         return "nothing"
-    process, _kept = _kept[1], None
+    process, _reader = _reader[1], None
     for stream in (process.stdin, process.stdout):
         with suppress(OSError):  # data that can no longer be sent
             cast(IO[bytes], stream).close()
