@@ -15,7 +15,7 @@ from sonarmap.slam.execute.worker import prepared_limit
 from sonarmap.slam.free_pairs import errors_shown, register_freely
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.pose_covariance import pose_covariances
-from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_maps
+from sonarmap.slam.map.doubtful_points import MIN_SEEN, ComponentMaps, component_maps
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
@@ -47,7 +47,7 @@ class MapperSettings:
             useful and fit.
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
         min_seen: points that fewer scans saw are left out of the map where others contradict them, see
-            `slam.map.component_maps`; 1 leaves out none.
+            `slam.map.doubtful_points`; 1 leaves out none.
         straighten: whether to correct scans whose points have times for the sensor's motion, if they then fit better.
     """
 

@@ -16,7 +16,7 @@ from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.graph.tangent import sigma_words
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.map.component_maps import ComponentMaps
+from sonarmap.slam.map.doubtful_points import ComponentMaps
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.motion.straighten import Way
 from sonarmap.slam.odd.odd_scan import OddScan

@@ -267,7 +267,7 @@ def fuse(
     Raises:
         InputError: the numbers of poses and scans differ, or an argument cannot be used.
     """
-    from sonarmap.slam.map.component_maps import clean_map
+    from sonarmap.slam.map.doubtful_points import clean_map
     from sonarmap.slam.map.placed import PlacedScans
 
     require_type("poses", [poses], Trajectory, RigidTransform, np.ndarray)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.map.component_maps import CleanMap, clean_map, part_doubtful
+from sonarmap.slam.map.doubtful_points import CleanMap, clean_map, part_doubtful
 from sonarmap.slam.map.free_space import Votes
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.component_maps import clean_map
 from sonarmap.slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
+from sonarmap.slam.map.doubtful_points import clean_map
 from sonarmap.slam.map.free_space import ball_search, uncontradicted, votes
 from sonarmap.slam.map.placed import PlacedScans, beams_of
 from sonarmap.slam.map.point_map import PointMap, fuse

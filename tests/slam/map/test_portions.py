@@ -9,8 +9,8 @@ import pytest
 from sonarmap.slam.execute.executor import Executor, processes, this_process
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map import crossing, portions
-from sonarmap.slam.map.component_maps import component_maps
 from sonarmap.slam.map.crossing import crossing_error
+from sonarmap.slam.map.doubtful_points import component_maps
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.slam.map.portions import in_portions

@@ -51,7 +51,7 @@ SURVEY_STAGES: Mapping[str, str] = {
     "sonarmap.slam.execute.journal:Journal.add": "keeping the journal",
     "sonarmap.slam.pair_search:PairSearch.loops": "choosing loops",
     "sonarmap.slam.decide.decision:decide": "deciding, optimizing",
-    "sonarmap.slam.map.component_maps:component_maps": "fusing maps",
+    "sonarmap.slam.map.doubtful_points:component_maps": "fusing maps",
     "sonarmap.slam.graph.pose_covariance:pose_covariances": "covariances",
     "sonarmap.tools.products.report.pictures:draw_map": "picture",
     "sonarmap.tools.products.output.folder:write_survey": "writing files",

@@ -148,7 +148,7 @@ def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[i
 
 def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
     """Map by another system, and fuse the points at its poses as our mapper does."""
-    from sonarmap.slam.map.component_maps import clean_map
+    from sonarmap.slam.map.doubtful_points import clean_map
     from sonarmap.slam.map.placed import PlacedScans
     from sonarmap.tools.files.memory import peak_memory
     from sonarmap.tools.lab.baselines import surveys

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.component_maps import CleanMap, component_maps
+from sonarmap.slam.map.doubtful_points import CleanMap, component_maps
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.mapper import Mapper
