@@ -1,4 +1,4 @@
-"""Browsers, which the tests of this folder share."""
+"""Closes the browsers that the tests of this folder share."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Two surveys of a made-up bed, each of several scans whose poses err."""
+"""Synthetic surveys of a bed, each of several scans with pose errors."""
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -12,7 +12,7 @@ _SIGMAS = np.repeat([2e-3, 0.03], 3)  # of poses [rad, m]
 
 
 def bed(flat: np.ndarray) -> np.ndarray:
-    """(N,) heights [m] at places (N, 2)."""
+    """Heights (N,) [m] of the bed at positions (N, 2) [m]."""
     return 0.3 * np.sin(flat[:, 0] / 4) + 0.2 * np.cos(flat[:, 1] / 5)
 
 
@@ -24,8 +24,8 @@ def surveyed(
     poses_err: bool = True,
     weight: float | None = None,
 ) -> Epoch:
-    """A square of the bed up to `size` [m] from its middle, changed by so much within `half` [m] of it, seen in
-    strips."""
+    """Square of the bed up to `size` [m] from its center, seen in one strip per scan; `change` [m] is added to the
+    heights within `half` [m] of the center."""
     rng = np.random.default_rng(seed)
     axis = np.arange(-size, size, VOXEL) + VOXEL / 2
     flat = np.stack(np.meshgrid(axis, axis, indexing="ij"), -1).reshape(-1, 2)
@@ -36,15 +36,15 @@ def surveyed(
     points = np.column_stack([flat, z])
     scan = np.clip(((flat[:, 0] + size) / (2 * size) * SCANS).astype(np.int64), 0, SCANS - 1)
     origins = np.column_stack([np.linspace(-size, size, SCANS), np.zeros(SCANS), np.full(SCANS, 12.0)])
-    one = np.diag(_SIGMAS**2)
+    C = np.diag(_SIGMAS**2)
     if poses_err:
         for k in range(SCANS):
-            own = scan == k
+            members = scan == k
             error = rng.normal(0, _SIGMAS)
-            for axis_number, way in enumerate(np.eye(3)):
-                J = levers(points[own], np.broadcast_to(way, (own.sum(), 3)))
-                points[own, axis_number] += J @ error
+            for axis_number, direction in enumerate(np.eye(3)):
+                J = levers(points[members], np.broadcast_to(direction, (members.sum(), 3)))
+                points[members, axis_number] += J @ error
     weights = np.full(len(points), weight) if weight else rng.integers(1, 9, len(points)).astype(float)
     return Epoch(
-        points, np.full(len(points), NOISE), weights, scan, origins[scan], np.asarray(block_diag(*[one] * SCANS))
+        points, np.full(len(points), NOISE), weights, scan, origins[scan], np.asarray(block_diag(*[C] * SCANS))
     )

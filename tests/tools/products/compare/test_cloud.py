@@ -1,4 +1,4 @@
-"""A point cloud of another program beside a map: laws without registration, its frames, and what is refused."""
+"""Comparison of a map with a point cloud of another program: known changes, coordinate frames, refused files."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def las(path: Path, points: np.ndarray, crs: CRS | None) -> Path:
     return path
 
 
-def test_nothing_changed_from_a_map_to_its_own_points() -> None:
+def test_a_map_is_unchanged_against_its_own_points() -> None:
     old = surveyed(1)
     distances = compared(old, as_cloud(old, old))
     np.testing.assert_allclose(distances.distance[distances.compared], 0.0, atol=1e-9)
@@ -57,31 +57,31 @@ def test_nothing_changed_from_a_map_to_its_own_points() -> None:
 
 
 @pytest.mark.parametrize(("change", "cloud_is_old"), [(0.4, True), (-0.4, False)])
-def test_a_change_is_found(change: float, cloud_is_old: bool) -> None:
+def test_a_known_change_is_one_region_with_its_volume(change: float, cloud_is_old: bool) -> None:
     old, new = surveyed(5), surveyed(6, change=change)
     distances = compared(as_cloud(old, new), new) if cloud_is_old else compared(old, as_cloud(new, old))
     (region,) = regions_of(distances)
     assert region.gained == (change > 0)
     assert abs(region.volume - 36 * change) < 3 * region.sigma
-    assert (distances.cores.normals[:, 2] > 0.9).all()  # of the cloud too: as the map beside it was seen
+    assert (distances.cores.normals[:, 2] > 0.9).all()  # also the cloud's: toward the map's sensor positions
 
 
-def test_nothing_changed() -> None:
+def test_noise_and_pose_errors_are_not_a_change() -> None:
     old, new = surveyed(10, poses_err=False), surveyed(11)
     distances = compared(as_cloud(old, new), new)
     assert np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))[distances.compared].mean() <= 0.06
     assert not regions_of(distances)
 
 
-def test_a_known_sigma_counts() -> None:
+def test_a_larger_sigma_raises_the_level_of_detection() -> None:
     old, new = surveyed(3), surveyed(4)
     levels = [np.nanmedian(compared(old, as_cloud(new, old, sigma)).level) for sigma in (None, 1.0)]
     assert levels[1] > 1.5 * levels[0]
 
 
 @pytest.mark.parametrize(("tilt", "verdict"), [(0.0, Verdict.LOST), (np.pi / 2, Verdict.UNSURE)])
-def test_of_a_wall_a_cloud_may_show_the_other_side(tilt: float, verdict: Verdict) -> None:
-    """The same change of more than 1.75 voxels in a bed and, turned, in a wall."""
+def test_a_loss_in_a_wall_is_unsure_against_a_cloud(tilt: float, verdict: Verdict) -> None:
+    """The same change in a bed and, turned, in a wall, of which a cloud may show the other side."""
     T = RigidTransform.from_exp_coords([0, tilt, 0, 0, 0, 0])
     old, new = surveyed(5).moved(T), surveyed(6, change=-2 * VOXEL).moved(T)
     assert (_within(compared(old, new)) == Verdict.LOST).mean() > 0.9
@@ -89,11 +89,11 @@ def test_of_a_wall_a_cloud_may_show_the_other_side(tilt: float, verdict: Verdict
 
 
 def _within(distances: Distances) -> np.ndarray:
-    """The verdicts in the middle of the square that changed."""
+    """Verdicts of the core points within 2 m of the center."""
     return distances.verdict[np.linalg.norm(distances.cores.points, axis=1) < 2]
 
 
-def test_an_alignment_from_the_other_side() -> None:
+def test_the_inverse_alignment_has_the_inverse_transform_and_covariance() -> None:
     T = RigidTransform.from_exp_coords([0.1, -0.05, 1.2, 8.0, -3.0, 1.0])
     C = np.diag([1, 2, 3, 40, 50, 60]) * 1e-6
     given = Alignment(T, C, 5, 4, 6)
@@ -105,7 +105,7 @@ def test_an_alignment_from_the_other_side() -> None:
     assert np.sqrt((off**2).mean() / 6) == pytest.approx(1, abs=0.03)
 
 
-def test_a_thinned_cloud_is_less_sure(folder: Map) -> None:
+def test_a_thinned_cloud_has_a_sigma_of_one_voxel(folder: Map) -> None:
     points = folder.parts[0].points
     thinned = PointCloud.of_points(points, folder)
     assert thinned.sigma == folder.voxel
@@ -114,7 +114,7 @@ def test_a_thinned_cloud_is_less_sure(folder: Map) -> None:
     assert PointCloud.of_points(np.repeat(points, 3, axis=0), folder).sigma is None
 
 
-def test_a_projected_file_is_brought_to_the_earth(folder: Map, tmp_path: Path) -> None:
+def test_a_projected_file_is_georeferenced_and_unchanged(folder: Map, tmp_path: Path) -> None:
     export_map(folder, tmp_path, formats="laz")
     old = PointCloud.read(tmp_path / "map.laz", folder)
     assert old.georeference is not None
@@ -122,17 +122,17 @@ def test_a_projected_file_is_brought_to_the_earth(folder: Map, tmp_path: Path) -
     read = laspy.read(tmp_path / "map.laz")
     expected = local_of(np.asarray(read.xyz), 32632, old.georeference)
     assert np.abs(old.points.mean(axis=0) - expected.mean(axis=0)).max() < 0.2  # voxels of 0.5 m, unweighted
-    here = compare_maps(old, folder, None, CompareSettings())
-    assert here.regions == ()
-    assert "heights are taken to count from 'MSL'" in here.notes[1]
-    compared = here.distances.compared
-    assert np.quantile(np.abs(here.distances.distance[compared]), 0.9) < 0.05
-    there = compare_maps(folder, old, None, CompareSettings())
-    assert there.regions == ()
-    assert len(there.distances.compared) > 100
+    forward = compare_maps(old, folder, None, CompareSettings())
+    assert forward.regions == ()
+    assert "heights are taken to count from 'MSL'" in forward.notes[1]
+    compared = forward.distances.compared
+    assert np.quantile(np.abs(forward.distances.distance[compared]), 0.9) < 0.05
+    backward = compare_maps(folder, old, None, CompareSettings())
+    assert backward.regions == ()
+    assert len(backward.distances.compared) > 100
 
 
-def test_bad_files(folder: Map, tmp_path: Path) -> None:
+def test_unusable_files_are_refused(folder: Map, tmp_path: Path) -> None:
     some = np.random.default_rng(0).uniform(0, 20, (90, 3))
     degrees = las(tmp_path / "degrees.las", some / 1e4 + np.array([9, 60, 0]), CRS.from_epsg(4326))
     feet = las(tmp_path / "feet.las", some + np.array([3e5, 7e5, 0]), CRS.from_epsg(2263))
@@ -151,7 +151,7 @@ def test_bad_files(folder: Map, tmp_path: Path) -> None:
             PointCloud.read(path, folder)
 
 
-def test_large_coordinates_are_counted_from_nearby(folder: Map) -> None:
+def test_large_coordinates_get_a_local_origin(folder: Map) -> None:
     points, far = folder.parts[0].points, np.array([450_123.0, 6_651_234.0, 0])
     cloud = PointCloud.of_points(points + far, folder)
     assert "its coordinates are counted from 450000, 6651000, 0 m" in cloud.notes[1]

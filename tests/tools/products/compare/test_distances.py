@@ -1,4 +1,4 @@
-"""Distances between two surveys by laws: a known change, nothing changed, other frames, what one survey saw alone."""
+"""Distances between two surveys: a known change, no change, other frames, and areas that one survey saw alone."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ def compared(old: Epoch, new: Epoch) -> Distances:
     return distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, 2 * VOXEL)
 
 
-def test_means_are_those_of_m3c2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_distances_equal_those_of_m3c2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # where it writes its log
     import py4dgeo
 
@@ -41,17 +41,17 @@ def test_means_are_those_of_m3c2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(3))
-def test_nothing_changed(seed: int) -> None:
+def test_noise_and_pose_errors_are_not_a_change(seed: int) -> None:
     distances = compared(surveyed(2 * seed + 10), surveyed(2 * seed + 11))
     false = np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))
-    assert false[distances.compared].mean() <= 0.06  # the level is of 95 %
+    assert false[distances.compared].mean() <= 0.06  # at a 95 % level of detection
     assert not regions_of(distances)
-    # poses were off by more than what is left
+    # pose errors are larger than the distances that remain
     assert np.median(np.abs(distances.distance[distances.compared])) < NOISE
 
 
-def test_a_survey_has_not_changed_since_itself() -> None:
-    """Its normals are the same twice: their cosines are 1, or by rounding above it."""
+def test_a_survey_is_unchanged_against_itself() -> None:
+    """Equal normals have a cosine of 1, or above it by rounding."""
     survey = surveyed(10)
     distances = distances_between(survey, survey, None, VOXEL, 4 * VOXEL, 2 * VOXEL)
     assert np.isfinite(distances.level[distances.compared]).all()
@@ -61,8 +61,8 @@ def test_a_survey_has_not_changed_since_itself() -> None:
     assert "nan" not in str(apart)
 
 
-def test_scans_that_are_bent_are_no_change() -> None:
-    """As those of a sensor that moved: half of one survey is in waves of six voxels and 0.2 m."""
+def test_bent_scans_are_not_a_change() -> None:
+    """As by motion during a scan: half of one survey has waves of six voxels and 0.2 m."""
     new = surveyed(11)
     wave = np.sin(new.points[:, :2] * np.pi / (6 * VOXEL)).prod(axis=1) * (new.points[:, 0] > 0)
     distances = compared(surveyed(10), replace(new, points=new.points + 0.2 * wave[:, None] * [0, 0, 1]))
@@ -72,7 +72,7 @@ def test_scans_that_are_bent_are_no_change() -> None:
 
 
 @pytest.mark.parametrize("change", [0.4, -0.4])
-def test_a_known_change(change: float) -> None:
+def test_a_known_change_is_one_region_with_its_volume(change: float) -> None:
     distances = compared(surveyed(5), surveyed(6, change=change))
     points = distances.cores.points
     within = (np.abs(points[:, :2]) < 2).all(axis=1)
@@ -86,8 +86,8 @@ def test_a_known_change(change: float) -> None:
     assert (region.low[:2] > -4).all()
 
 
-def test_a_heap_of_which_one_side_was_hidden() -> None:
-    """Its volume is too small then, and the sigma says so; where both saw all, nothing is unseen."""
+def test_a_partly_hidden_heap_has_a_larger_sigma() -> None:
+    """Its volume is too small, within the sigma; where both surveys saw everything, no area is unseen."""
     old, new = surveyed(5, change=0.6), surveyed(6)
     hidden = (np.abs(old.points[:, 1]) < 3) & (old.points[:, 0] > 0) & (old.points[:, 0] < 3)
     seen = replace(
@@ -95,14 +95,14 @@ def test_a_heap_of_which_one_side_was_hidden() -> None:
     )
     (whole,), (half,) = regions_of(compared(old, new)), regions_of(compared(seen, new))
     assert whole.unseen < 1 < 12 < half.unseen < 18
-    assert whole.sigma < 3 < abs(half.volume + 36 * 0.6) < 2.5 * half.sigma  # as all that is hidden is as high
+    assert whole.sigma < 3 < abs(half.volume + 36 * 0.6) < 2.5 * half.sigma  # the hidden part is as high
 
 
 @pytest.mark.parametrize(("looked_through", "lost"), [(False, True), (True, False)])
 def test_a_surface_above_another_is_a_change_where_the_other_survey_looked_through_it(
     looked_through: bool, lost: bool
 ) -> None:
-    """A pontoon above the bed: a survey from beside it sees the bed below, and another from above the top alone."""
+    """A pontoon above the bed: a survey from the side sees the bed below it, one from above only its top."""
     bare, covered = surveyed(5), surveyed(6, change=1.9)
     if not looked_through:
         bare = replace(bare, origins=np.tile([-16.0, 0.0, 1.5], (len(bare.points), 1)))
@@ -115,13 +115,13 @@ def test_a_surface_above_another_is_a_change_where_the_other_survey_looked_throu
 
 
 def test_a_change_is_not_absorbed_by_its_scan() -> None:
-    """A third of the place moves, more than any pose's error: the others say where it is."""
+    """A third of the area moves by more than the pose errors; the other scans fix its position."""
     distances = compared(surveyed(7), surveyed(8, change=0.5, half=7.5))
     within = (np.abs(distances.cores.points[:, :2]) < 6).all(axis=1)
     np.testing.assert_allclose(np.median(distances.distance[within]), 0.5, atol=0.08)
 
 
-def test_what_one_survey_saw_is_never_unchanged() -> None:
+def test_areas_of_one_survey_alone_are_old_only_or_new_only() -> None:
     distances = compared(surveyed(1, size=15.0), surveyed(2, size=10.0))
     beyond = np.abs(distances.cores.points[:, :2]).max(axis=1) > 11
     assert (distances.verdict[beyond] == Verdict.OLD_ONLY).all()
@@ -132,16 +132,16 @@ def test_what_one_survey_saw_is_never_unchanged() -> None:
     assert np.isnan(other.distance[far]).all()
 
 
-def test_the_same_in_another_frame() -> None:
+def test_the_result_does_not_depend_on_the_frame() -> None:
     old, new = surveyed(3), surveyed(4, change=0.4)
     T = RigidTransform.from_components([40.0, -20.0, 5.0], Rotation.from_euler("z", 90, degrees=True))
-    one, other = compared(old, new), compared(old.moved(T), new.moved(T))
-    assert regions_of(other)[0].volume == pytest.approx(regions_of(one)[0].volume, rel=0.1)
-    assert np.nanmedian(other.level) == pytest.approx(np.nanmedian(one.level), rel=0.1)
+    original, turned = compared(old, new), compared(old.moved(T), new.moved(T))
+    assert regions_of(turned)[0].volume == pytest.approx(regions_of(original)[0].volume, rel=0.1)
+    assert np.nanmedian(turned.level) == pytest.approx(np.nanmedian(original.level), rel=0.1)
 
 
-def test_a_shift_along_the_surface_is_no_change() -> None:
-    """By a turn about a place far away, 1.6 m, which noisy normals show as distances."""
+def test_a_shift_along_the_surface_is_not_a_change() -> None:
+    """A rotation about a distant point shifts the bed by 1.6 m; noisy normals turn that into distances."""
     away = RigidTransform.from_translation([400.0, 0.0, 0.0])
     old, new = (surveyed(k + 30, size=20.0).moved(away) for k in range(2))
     turned = new.moved(RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, 4e-3])))
@@ -150,30 +150,30 @@ def test_a_shift_along_the_surface_is_no_change() -> None:
     assert not regions_of(distances)
 
 
-def test_two_surveys_of_one_map_share_its_poses() -> None:
+def test_surveys_of_one_map_have_smaller_joint_sigmas() -> None:
     old, new = surveyed(3, poses_err=False), surveyed(4, poses_err=False)
-    alone = distances_between(old, new, None, VOXEL, 4 * VOXEL, 2 * VOXEL)
+    joint = distances_between(old, new, None, VOXEL, 4 * VOXEL, 2 * VOXEL)
     apart = compared(old, new)
-    assert alone.shared.shape[1] == len(old.covariance)
+    assert joint.shared.shape[1] == len(old.covariance)
     every = np.arange(len(apart.compared))
-    assert alone.sigma_of_sum(every) < apart.sigma_of_sum(every)
+    assert joint.sigma_of_sum(every) < apart.sigma_of_sum(every)
 
 
-def test_poses_move_their_points_together() -> None:
+def test_pose_errors_are_correlated_between_points() -> None:
     distances = compared(surveyed(3), surveyed(4))
     every = np.arange(len(distances.compared))
     apart = np.sqrt(np.sum((distances.cores.area * distances.sigma)[distances.compared] ** 2))
     assert distances.sigma_of_sum(every) > 3 * apart
 
 
-def test_nothing_in_common() -> None:
+def test_disjoint_surveys_have_no_regions() -> None:
     old = surveyed(1, size=5.0)
     distances = compared(old, surveyed(2, size=5.0).moved(RigidTransform.from_translation([100.0, 0, 0])))
     assert set(np.unique(distances.verdict)) == {Verdict.OLD_ONLY, Verdict.NEW_ONLY}
     assert not regions_of(distances)
 
 
-def test_a_large_level_is_unsure() -> None:
+def test_a_level_above_the_bound_is_unsure() -> None:
     old, new = surveyed(1, size=5.0), surveyed(2, size=5.0)
     distances = distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, bound=1e-3)
     assert not (distances.verdict == Verdict.UNCHANGED).any()
@@ -181,7 +181,7 @@ def test_a_large_level_is_unsure() -> None:
 
 
 @pytest.mark.slow
-def test_core_points_are_the_surface_once() -> None:
+def test_core_points_cover_the_surface_once() -> None:
     cores = cores_of(surveyed(1, poses_err=False), VOXEL)
     assert cores.area.sum() == pytest.approx(30 * 30, rel=0.05)
     assert (cores.normals[:, 2] > 0.9).all()  # toward the sensors
@@ -192,14 +192,14 @@ COVARIANCE = np.diag(np.repeat([3e-3, 0.05], 3) ** 2)
 TRUTH = RigidTransform.from_exp_coords([0.1, -0.05, 1.2, 8.0, -3.0, 1.0])
 
 
-def answers(seed: int, count: int, truth: RigidTransform = TRUTH) -> list[tuple[RigidTransform, np.ndarray]]:
+def alignments(seed: int, count: int, truth: RigidTransform = TRUTH) -> list[tuple[RigidTransform, np.ndarray]]:
     errors = drawn(np.random.default_rng(seed), COVARIANCE, count)
     return [(errors[k] * truth, COVARIANCE) for k in range(count)]
 
 
-def test_most_answers_decide() -> None:
-    wrong = answers(2, 3, RigidTransform.from_translation([30.0, 0, 0]) * TRUTH)
-    alignment = agreed([*wrong, *answers(1, 7)], 12)
+def test_the_majority_of_alignments_is_taken() -> None:
+    wrong = alignments(2, 3, RigidTransform.from_translation([30.0, 0, 0]) * TRUTH)
+    alignment = agreed([*wrong, *alignments(1, 7)], 12)
     assert alignment is not None
     assert (alignment.located, alignment.agreeing, alignment.tried) == (10, 7, 12)
     xi = (TRUTH * alignment.T_old_new.inv()).as_exp_coords()
@@ -207,12 +207,12 @@ def test_most_answers_decide() -> None:
     np.testing.assert_allclose(alignment.covariance, COVARIANCE)
 
 
-def test_too_few_or_two_places_are_refused() -> None:
+def test_too_few_or_contradicting_alignments_are_refused() -> None:
     assert agreed([], 5) is None
-    assert agreed(answers(1, 1), 5) is None
-    elsewhere = answers(2, 3, RigidTransform.from_translation([30.0, 0, 0]) * TRUTH)
-    assert agreed([*answers(1, 3), *elsewhere], 8) is None
+    assert agreed(alignments(1, 1), 5) is None
+    elsewhere = alignments(2, 3, RigidTransform.from_translation([30.0, 0, 0]) * TRUTH)
+    assert agreed([*alignments(1, 3), *elsewhere], 8) is None
 
 
-def test_a_single_view_is_enough_where_there_is_no_other() -> None:
-    assert agreed(answers(1, 1), 1) is not None
+def test_one_alignment_is_enough_if_one_view_was_tried() -> None:
+    assert agreed(alignments(1, 1), 1) is not None

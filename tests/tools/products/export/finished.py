@@ -1,4 +1,4 @@
-"""Folders as `sonarmap map` writes them, and the Earth by another way than the code's."""
+"""Map folders as `sonarmap map` writes them, and geodetic conversions independent of the code under test."""
 
 import shutil
 from dataclasses import replace
@@ -29,14 +29,14 @@ _A, _F = 6_378_137.0, 1 / 298.257223563  # WGS84's definition
 
 
 def finished_map(out: Path, split: bool = False, georeference: Georeference | None = None) -> Path:
-    """A ring of scans mapped and written, without pictures; with `split` nothing joins the last three to the others."""
+    """Write the map of a ring of scans, without pictures; with `split`, no pair joins the last three to the others."""
     inputs = [{"name": "scans/a.ply", "bytes": 3, "sha256": "0" * 64}]
     names = [f"scan{k}" for k in range(COUNT)]
 
-    def nothing(path: Path, *_: object) -> None:
+    def empty_picture(path: Path, *_: object) -> None:
         path.write_bytes(b"")
 
-    with patch("sonarmap.tools.products.output.folder.draw_map", nothing):
+    with patch("sonarmap.tools.products.output.folder.draw_map", empty_picture):
         write_survey(out, _mapped(split), SurveyRun(names, {"voxel": 0.5}, inputs=inputs, georeference=georeference))
     return out
 
@@ -57,15 +57,15 @@ def _mapped(split: bool) -> SurveyResult:
 
 
 def local_of(projected: np.ndarray, epsg: int, here: Georeference) -> np.ndarray:
-    """(N, 3) points in a map's frame of easting, northing, height, by hand: degrees by pyproj, then Earth-centered
-    coordinates, turned to East, North and Up at the origin; heights are the file's own less the origin's."""
+    """Points (N, 3) [m] in the map's frame from easting, northing, height: degrees by pyproj, then Earth-centered
+    coordinates, rotated to East, North and Up at the origin; heights are relative to the origin's."""
     to_degrees = Transformer.from_crs(epsg, 4326, always_xy=True)
     longitude, latitude = to_degrees.transform(projected[:, 0], projected[:, 1])
     return local_of_degrees(np.column_stack([latitude, longitude, projected[:, 2]]), here)
 
 
 def local_of_degrees(geodetic: np.ndarray, here: Georeference) -> np.ndarray:
-    """(N, 3) the same of latitude, longitude [deg] and height [m]."""
+    """Points (N, 3) [m] in the map's frame from latitude, longitude [deg] and height [m]."""
     away = _earth_centered(geodetic) - _earth_centered(np.array([[here.latitude, here.longitude, 0.0]]))
     phi, lam = np.radians([here.latitude, here.longitude])
     east = np.array([-np.sin(lam), np.cos(lam), 0])
@@ -85,7 +85,7 @@ def _earth_centered(geodetic: np.ndarray) -> np.ndarray:
 
 
 def program(name: str, where: str) -> str:
-    """The path of a program; skips the test where it is not installed, and says where it is to be had."""
+    """Path of a program; skip the test if it is not installed, and name its source `where`."""
     path = shutil.which(name)
     if path is None:
         pytest.skip(f"{name} is not installed ({where})")
@@ -93,24 +93,24 @@ def program(name: str, where: str) -> str:
 
 
 def scattered(count: int = 5, reach: float = 400.0, seed: int = 8) -> RigidTransform:
-    """Poses far from the origin, where a mere shift of a map would be meters off."""
+    """Random poses so far from the origin that a mere translation of the map would be meters off."""
     rng = np.random.default_rng(seed)
     return RigidTransform.from_translation(rng.uniform(-reach, reach, (count, 3)) * [1, 0.7, 0.02])
 
 
 def timed(earth: Georeferenced, stamps: np.ndarray) -> Georeferenced:
-    """The same with other stamps."""
+    """The same map with other stamps [s]."""
     trajectory = replace(earth.part.trajectory, stamps=stamps)
     return replace(earth, part=replace(earth.part, trajectory=trajectory))
 
 
 def cloud_of(earth: Georeferenced) -> Cloud:
-    """The points of a map, for a file on the Earth."""
+    """Georeferenced cloud of the map's points."""
     return Cloud(earth.folder, earth.part, earth)
 
 
 def georeferenced(here: Georeference, T_world_sensor: RigidTransform, points: int = 500) -> Georeferenced:
-    """A map of one part with these poses, and random points about them."""
+    """Georeferenced map of one part with these poses and random points around them."""
     rng = np.random.default_rng(3)
     count = len(T_world_sensor)
     middle = T_world_sensor.translation[rng.integers(0, count, points)]

@@ -1,4 +1,4 @@
-"""A made-up dive with loops at a place, and what its files must say, worked without the code under test."""
+"""A synthetic dive with loops, and its coordinates computed without the code under test."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ DOWN = -31.25  # z of the sensor [m]
 
 
 def dive(place: str = "edge of a zone at 60 north", stamps: np.ndarray | None = None) -> Georeferenced:
-    """Six scans eastward, 40 m apart and 12 m northward each; headings, pitches and rolls that differ."""
+    """Georeferenced dive of six scans, each 40 m east and 12 m north of the last, with different attitudes."""
     there, _ = PLACES[place]
     k = np.arange(6)
     shifts = np.column_stack([k * 40.0 - 90.0, k * 12.0 - 20.0, DOWN + 0.5 * k])
@@ -36,16 +36,16 @@ def dive(place: str = "edge of a zone at 60 north", stamps: np.ndarray | None = 
 
 
 def with_part(earth: Georeferenced, part, **of_folder) -> Georeferenced:
-    """The same with another part, and other fields of the folder."""
+    """The same map with another part and other fields of its folder."""
     folder = replace(earth.folder, parts=(part,), **of_folder)
     return Georeferenced(folder, part, earth.georeference, earth.projection)
 
 
 def geodetic_by_hand(earth: Georeferenced) -> np.ndarray:
-    """(n, 3) latitude, longitude [deg], height [m]: PROJ's azimuthal equidistant projection about the origin.
+    """Latitudes, longitudes [deg], heights [m] (n, 3) by PROJ's azimuthal equidistant projection about the origin.
 
-    It keeps ways and bearings from the origin, as the plane that touches the ellipsoid does for a map of some 100 m;
-    what lies 31 m below the ellipsoid spans a wider angle, by 31 m over the Earth's radius (0.5 mm here).
+    It preserves distances and bearings from the origin, as the tangent plane does for a map of some 100 m; points
+    31 m below the ellipsoid span an angle wider by 31 m over the Earth's radius (0.5 mm here).
     """
     here = earth.georeference
     aeqd = CRS.from_proj4(f"+proj=aeqd +lat_0={here.latitude} +lon_0={here.longitude} +ellps=WGS84 +units=m")
@@ -57,18 +57,18 @@ def geodetic_by_hand(earth: Georeferenced) -> np.ndarray:
 
 
 def projected_by_hand(geodetic: np.ndarray, epsg: int) -> np.ndarray:
-    """(n, 2) easting, northing [m] of latitudes, longitudes [deg]."""
+    """Easting, northing (n, 2) [m] of latitudes, longitudes [deg]."""
     to_grid = Transformer.from_crs(4326, epsg, always_xy=True)
     return np.column_stack(to_grid.transform(geodetic[:, 1], geodetic[:, 0]))
 
 
-def apart(places: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(n,) ways between places (n, 2+) of latitude, longitude [deg], along the ellipsoid [m]."""
+def distances(places: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Distances (n,) [m] along the ellipsoid between positions (n, 2+) of latitude, longitude [deg]."""
     from pyproj import Geod
 
     return np.asarray(Geod(ellps="WGS84").inv(places[:, 1], places[:, 0], others[:, 1], others[:, 0])[2])
 
 
 def floats(rows: Sequence[dict[str, str]], *names: str) -> np.ndarray:
-    """(n, k) numbers of a table's columns."""
+    """Numbers (n, k) of a table's columns."""
     return np.array([[float(row[name]) for name in names] for row in rows])

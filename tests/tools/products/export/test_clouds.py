@@ -1,4 +1,4 @@
-"""The clouds of an export as LAZ: read by other programs' readers, places worked by hand."""
+"""Exported point clouds, read by other programs' readers, against independently computed coordinates."""
 
 import json
 import shutil
@@ -42,7 +42,7 @@ def written(path: Path, earth: Georeferenced) -> laspy.LasData:
 
 
 @pytest.mark.parametrize(("place", "epsg"), [*GRIDS, ((60.0, 9.4), 25832)])
-def test_coordinates_are_those_of_a_second_way(place: tuple[float, float], epsg: int, tmp_path: Path) -> None:
+def test_coordinates_equal_an_independent_conversion(place: tuple[float, float], epsg: int, tmp_path: Path) -> None:
     """In the UTM zone, and in the CRS that the user names."""
     here = Georeference(*place, height=-3.75, heading=37.0)
     earth = replace(georeferenced(here, scattered()), projection=Projection.of(here, f"EPSG:{epsg}"))
@@ -55,7 +55,7 @@ def test_coordinates_are_those_of_a_second_way(place: tuple[float, float], epsg:
     assert crs.to_epsg() == epsg
 
 
-def test_dimensions(tmp_path: Path) -> None:
+def test_laz_has_the_columns_of_the_map(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(), points=800)
     columns = dict(earth.part.columns)
     columns["scan"] = np.arange(800, dtype=np.int32) % 5
@@ -88,7 +88,7 @@ def test_times_are_gps_times_across_a_leap_second(tmp_path: Path) -> None:
     of_scan = [s - midnight + 1_167_264_018 - (1 if s < midnight else 0) - 1e9 for s in stamps.tolist()]
     np.testing.assert_allclose(np.asarray(las.gps_time), np.array(of_scan)[earth.part.columns["scan"]], atol=1e-3)
     assert las.header.global_encoding.gps_time_type == laspy.header.GpsTimeType.STANDARD
-    las = written(tmp_path / "map.laz", timed(earth, np.arange(10.0)))  # stamps that are no times stay as they are
+    las = written(tmp_path / "map.laz", timed(earth, np.arange(10.0)))  # counters are written unchanged
     np.testing.assert_array_equal(las.gps_time, earth.part.columns["scan"])
     assert las.header.global_encoding.gps_time_type == laspy.header.GpsTimeType.WEEK_TIME
 
@@ -111,7 +111,7 @@ def test_the_crs_names_the_vertical_reference(vertical: str, epsg: int | None, t
     assert rasterio.CRS.from_wkt(wkt).is_projected  # GDAL's own reading
 
 
-def test_several_surveys_and_many_scans(tmp_path: Path) -> None:
+def test_scan_numbers_beyond_16_bits_are_written(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(), points=300)
     many = np.arange(300, dtype=np.int32) + 65_500
     columns = {**earth.part.columns, "survey": (many % 3).astype(np.int32), "scan": many}
@@ -132,7 +132,7 @@ COUNT = 4
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with scans, and in map/ their map."""
+    """Folder with scans/ and their map in map/."""
     folder = tmp_path_factory.mktemp("survey")
     for k in range(COUNT):
         points = scan(k)
@@ -143,21 +143,21 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def expected(survey: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Points and scans by hand: from the files and trajectory.tum's source, graph.json."""
+    """World points and their scans, computed from the scan files and the poses in graph.json."""
     poses = json.loads((survey / "map" / "graph.json").read_text())["poses"]
     T = [np.array(pose["T_world_sensor"]) for pose in poses]
     placed = [scan(k).astype(np.float64) @ T[k][:3, :3].T + T[k][:3, 3] for k in range(COUNT)]
     return np.concatenate(placed), np.repeat(np.arange(COUNT), [len(each) for each in placed])
 
 
-def test_points_in_are_points_out_to_a_millimeter(survey: Path, tmp_path: Path) -> None:
+def test_all_points_are_exported_to_a_millimeter(survey: Path, tmp_path: Path) -> None:
     formats = "laz,copc,e57,xyz"
     done(sonarmap("export", survey / "map", "-o", tmp_path, "--format", formats, "--points", "all"))
     points, scans = expected(survey)
     las: Any = laspy.read(tmp_path / "points.laz")
     np.testing.assert_allclose(local_of(las.xyz, 32632, HERE), points, rtol=0, atol=1e-3)
     np.testing.assert_array_equal(las["scan"], scans)
-    np.testing.assert_array_equal(las.gps_time, scans)  # stamps that are no times stay
+    np.testing.assert_array_equal(las.gps_time, scans)  # counters are written unchanged
     assert int(las.intensity.max()) == 65_535
     with laspy.CopcReader.open(str(tmp_path / "points.copc.laz")) as reader:
         copc = reader.query()
@@ -177,12 +177,12 @@ def test_points_in_are_points_out_to_a_millimeter(survey: Path, tmp_path: Path) 
     table = np.loadtxt(tmp_path / "points.xyz", comments="/")
     np.testing.assert_allclose(local_of(table[:, :3], 32632, HERE), points, rtol=0, atol=1e-4)
     np.testing.assert_array_equal(table[:, 4], scans)
-    said = json.loads((tmp_path / "points.laz.json").read_text())
-    assert (said["points"], said["scans"]) == (len(points), COUNT)
+    side_car = json.loads((tmp_path / "points.laz.json").read_text())
+    assert (side_car["points"], side_car["scans"]) == (len(points), COUNT)
 
 
 def same_as_fused(folder: Map, points: np.ndarray) -> bool:
-    """Whether in the voxel of every map point there are as many points as it says that it is from."""
+    """Whether the `count` of every map point is the number of points in its voxel."""
     origin = np.floor(np.median(points, axis=0) / folder.voxel) * folder.voxel
     keys, count = np.unique(cell_keys(points, folder.voxel, origin)[0], return_counts=True)
     of_map = cell_keys(folder.parts[0].points, folder.voxel, origin)[0]
@@ -190,7 +190,7 @@ def same_as_fused(folder: Map, points: np.ndarray) -> bool:
     return bool(((keys[at] == of_map) & (count[at] == folder.parts[0].columns["count"])).all())
 
 
-def test_some_scans_in_the_frame_of_the_map(survey: Path, tmp_path: Path) -> None:
+def test_chosen_scans_are_exported_in_the_map_frame(survey: Path, tmp_path: Path) -> None:
     chosen = ("--scan-numbers", "1,3-3", "--crs", "map")
     done(sonarmap("export", survey / "map", "-o", tmp_path, "--format", "xyz", *chosen))
     table = np.loadtxt(tmp_path / "points.xyz", comments="/")
@@ -203,7 +203,7 @@ def test_some_scans_in_the_frame_of_the_map(survey: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("change", ["gone", "longer", "fewer"])
-def test_scans_that_are_gone_or_changed_are_refused(survey: Path, tmp_path: Path, change: str) -> None:
+def test_missing_or_changed_scans_are_refused(survey: Path, tmp_path: Path, change: str) -> None:
     shutil.copytree(survey / "scans", tmp_path / "scans")
     folder = read_map_folder(survey / "map")
     assert len(mapped_scans(folder, [str(tmp_path / "scans")])) == COUNT
@@ -215,14 +215,14 @@ def test_scans_that_are_gone_or_changed_are_refused(survey: Path, tmp_path: Path
             write_ply(first, np.concatenate([scan(0), scan(0)]))
         case _:
             first.unlink()
-    asked = ("--format", "laz", "--points", "all", "--scans-from", tmp_path / "scans")
-    refused(sonarmap("export", survey / "map", "-o", tmp_path / "gis", *asked), "--scans-from PATH")
+    options = ("--format", "laz", "--points", "all", "--scans-from", tmp_path / "scans")
+    refused(sonarmap("export", survey / "map", "-o", tmp_path / "gis", *options), "--scans-from PATH")
     assert not list(tmp_path.rglob("points*"))
 
 
 @pytest.mark.slow
-def test_straightened_scans_are_straightened_by_the_same_way(tmp_path: Path) -> None:
-    """What the map says of the way is enough for the same bytes."""
+def test_straightened_scans_are_reproduced_from_the_map(tmp_path: Path) -> None:
+    """The trajectory recorded in the map gives the same points."""
     truth = ring_poses(8, radius=4.0)
     for k, each in enumerate(scans_of(truth, reach=4.0)):
         times = {"time": np.linspace(0, 0.6, len(each.points))}
@@ -246,8 +246,8 @@ def test_straightened_scans_are_straightened_by_the_same_way(tmp_path: Path) -> 
             mapped_scans(older)
 
 
-def test_an_octree_of_several_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Coarse levels are spread over the map; laspy, copclib and LASzip read as many points as the LAZ has."""
+def test_copc_has_the_points_of_the_laz_on_several_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarse levels cover the map; laspy, copclib and LASzip read as many points as the LAZ has."""
     monkeypatch.setattr("sonarmap.tools.products.export.clouds._CELLS", 8)
     monkeypatch.setattr("sonarmap.tools.products.export.clouds._FEW", 50)
     cloud = cloud_of(georeferenced(Georeference(60.0, 5.0), scattered(reach=30.0), points=6_000))

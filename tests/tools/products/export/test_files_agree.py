@@ -1,4 +1,4 @@
-"""A folder that the mapper's result became, exported: what the files say of a pose is the same in all of them."""
+"""Exported files of one map agree on positions, times and loops."""
 
 import json
 import zipfile
@@ -26,7 +26,7 @@ FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff"
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Map]:
-    """The map's exports, and the map; stamps are Unix seconds."""
+    """Folder of the exports, and the map, whose stamps are Unix seconds."""
     out = tmp_path_factory.mktemp("out")
     truth = ring_poses(COUNT, turns=2)
     result = Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6)), 0.5).run(scans_of(truth))
@@ -36,14 +36,14 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Map]:
         pose["stamp"] += 1.6e9
     (out / "graph.json").write_text(json.dumps(graph))
     summary = json.loads((out / "summary.json").read_text())
-    (out / "summary.json").write_text(json.dumps({**summary, "checksums": {}}))  # for another graph.json
+    (out / "summary.json").write_text(json.dumps({**summary, "checksums": {}}))  # graph.json was changed
     folder = replace(read_map_folder(out), georeference=HERE)
     export_map(folder, out / "exported", ExportSettings(FORMATS))
     return out / "exported", folder
 
 
 def positions(out: Path) -> list[Any]:
-    """Those of map.mcap."""
+    """Messages of /position in map.mcap."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
@@ -52,7 +52,7 @@ def positions(out: Path) -> list[Any]:
         return [message for *_, message in reader.iter_decoded_messages(["/position"])]
 
 
-def test_places_and_times(exported: tuple[Path, Map]) -> None:
+def test_positions_and_times_agree_in_all_files(exported: tuple[Path, Map]) -> None:
     from pyogrio.raw import read
 
     out, _ = exported
@@ -75,7 +75,7 @@ def test_places_and_times(exported: tuple[Path, Map]) -> None:
     assert ends == [line.split()[0], line.split()[-1]]
     fixes = positions(out)
     assert [[fix.latitude, fix.longitude] for fix in fixes] == [pytest.approx(row, abs=1e-9) for row in degrees]
-    assert all(np.isnan(fix.altitude) for fix in fixes)  # heights count from the sea's mean level
+    assert all(np.isnan(fix.altitude) for fix in fixes)  # heights are above mean sea level
     meta, _, geometry, columns = read(out / "track.gpkg", layer="scans")
     # pyrefly: ignore[not-iterable]
     grid = np.array([np.frombuffer(wkb[5:], "<f8") for wkb in geometry])
@@ -88,7 +88,7 @@ def test_places_and_times(exported: tuple[Path, Map]) -> None:
     assert set(named["height_reference"]) == {"MSL"} == {row["height_reference"] for row in rows}
 
 
-def test_loops_are_those_of_the_map(exported: tuple[Path, Map]) -> None:
+def test_exported_loops_equal_those_of_the_map(exported: tuple[Path, Map]) -> None:
     out, folder = exported
     features = json.loads((out / "track.geojson").read_text())["features"]
     loops = [f["properties"] for f in features if f["properties"]["layer"] == "loops"]

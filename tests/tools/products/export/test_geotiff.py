@@ -1,4 +1,4 @@
-"""GeoTIFF grids, read by rasterio, against a loop over the points."""
+"""GeoTIFF grids, read by rasterio, against a loop over the points; meshes of the grid."""
 
 import math
 from dataclasses import replace
@@ -58,8 +58,8 @@ def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, flo
     assert (np.stack([height, sigma, count])[:, empty] == NODATA).all()
 
 
-def test_band_2_is_the_sigma_of_heights_alone() -> None:
-    """By drawn errors of poses that are unsure aside and sure in height, and of ranges along the beams."""
+def test_band_2_is_the_sigma_of_the_heights() -> None:
+    """Against drawn errors of ranges and of poses that are uncertain horizontally but not in height."""
     rng = np.random.default_rng(2)
     T = RigidTransform.from_components(
         [[5.0, -3, 2], [-8, 4, 1]], Rotation.from_euler("zyx", [[0.4, 0.3, -0.2], [2, 0, 0.5]])
@@ -82,8 +82,8 @@ def test_band_2_is_the_sigma_of_heights_alone() -> None:
     assert (known.height_sigma < 0.8 * of_all).all()
 
 
-def test_stray_echoes_are_in_no_grid(tmp_path: Path) -> None:
-    """Above and below a bed, some of them in clumps."""
+def test_stray_echoes_are_left_out_of_the_grid(tmp_path: Path) -> None:
+    """Strays are above and below a bed, some of them in clumps."""
     rng = np.random.default_rng(4)
     flat = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0)), -1).reshape(-1, 2)
     bed = np.column_stack([flat + rng.uniform(-0.3, 0.3, flat.shape), rng.normal(-10, 0.1, len(flat))])
@@ -109,7 +109,7 @@ def test_walls_and_overhangs_have_the_height_of_their_top() -> None:
     assert cells.sigma[0] == pytest.approx(math.hypot(0.1, 0.05))
 
 
-def test_refuses_a_grid_that_nobody_could_use(tmp_path: Path) -> None:
+def test_a_grid_of_too_many_cells_is_refused(tmp_path: Path) -> None:
     earth = replace(georeferenced(Georeference(60.0, 9.1), scattered()), cell=0.001)
     with pytest.raises(InputError, match="--cell"):
         write_geotiff(tmp_path / "grid.tif", earth)
@@ -117,22 +117,22 @@ def test_refuses_a_grid_that_nobody_could_use(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", ["mean", "shoalest"])
-def test_heights_of_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
+def test_mean_and_shoalest_use_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 9.1), scattered(3, reach=15.0), points=900)
     earth = replace(earth, cell=4.0, height=how)
     with written(tmp_path / "grid.tif", earth) as raster:
         height, sigma, count = raster.read()
         column, row = (np.floor(each) for each in ~raster.transform @ tuple(earth.projected_points[:, :2].T))
         assert raster.tags()["HEIGHT"].startswith(how)
-    z, every = earth.points[:, 2], earth.surface.height_sigma
+    z, height_sigma = earth.points[:, 2], earth.surface.height_sigma
     for cell in {(int(r), int(c)) for r, c in zip(row, column, strict=True)}:
         here = (np.asarray(row) == cell[0]) & (np.asarray(column) == cell[1])
-        own, sigmas = z[here], every[here]
+        heights, sigmas = z[here], height_sigma[here]
         weight = sigmas**-2.0 / (sigmas**-2.0).sum()
-        mean = weight @ own
+        mean = weight @ heights
         value, deviation = {
-            "mean": (mean, np.sqrt(weight @ (sigmas**2 + (own - mean) ** 2))),
-            "shoalest": (own.max(), sigmas[own.argmax()]),
+            "mean": (mean, np.sqrt(weight @ (sigmas**2 + (heights - mean) ** 2))),
+            "shoalest": (heights.max(), sigmas[heights.argmax()]),
         }[how]
         assert height[cell] == pytest.approx(value, abs=1e-4)
         assert sigma[cell] == pytest.approx(deviation, rel=1e-4)
@@ -140,8 +140,8 @@ def test_heights_of_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("strip", [10_000_000, 700])
-def test_the_share_of_empty_cells_within_the_coverage(strip: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Points every meter on a disk with a hole 20 m wide, and on an L, by a loop over the cells."""
+def test_empty_share_counts_empty_cells_in_the_coverage(strip: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points every meter on a disk with a hole 20 m wide, and on an L."""
     monkeypatch.setattr("sonarmap.tools.products.export.grid._STRIP", strip)
     every = np.stack(np.meshgrid(np.arange(60.0), np.arange(60.0)), -1).reshape(-1, 2) + 0.5
     away = np.hypot(*(every - 30).T)
@@ -160,20 +160,20 @@ def test_the_share_of_empty_cells_within_the_coverage(strip: int, monkeypatch: p
     assert sufficient_cell(thinned, 1.0, 2.0) == 2.0
 
 
-def test_holes_of_a_grid_are_said(tmp_path: Path) -> None:
+def test_the_share_of_empty_cells_is_reported(tmp_path: Path) -> None:
     """Voxels of 1 m: half of the cells of 0.5 m and more are empty, none of 2 m."""
     flat = np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0)), -1).reshape(-1, 2) + 0.3
     earth = georeferenced(Georeference(60.0, 9.0), scattered(2), points=600)
     part = replace(earth.part, points=np.column_stack([flat, np.full(600, -9.0)]))
     grid = MapGrid(replace(earth.folder, voxel=1.0), part, cell=0.5)
-    said = write_geotiff(tmp_path / "grid.tif", grid)
-    assert (said["cell_m"], said["sufficient_cell_m"]) == (0.5, 1.0)
+    details = write_geotiff(tmp_path / "grid.tif", grid)
+    assert (details["cell_m"], details["sufficient_cell_m"]) == (0.5, 1.0)
     with rasterio.open(tmp_path / "grid.tif") as raster:
         # pyrefly: ignore[missing-attribute]
-        assert said["empty_share"] == pytest.approx(1 - raster.read(1, masked=True).count() / (59 * 39))
+        assert details["empty_share"] == pytest.approx(1 - raster.read(1, masked=True).count() / (59 * 39))
 
 
-def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
+def test_a_geotiff_has_its_metadata(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 9.1, vertical="MSL"), scattered(3, reach=20.0))
     with written(tmp_path / "grid.tif", earth) as raster:
         assert raster.dtypes == ("float32",) * 3
@@ -193,13 +193,13 @@ def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"grid.tif", "grid.qml"}
 
 
-def test_cells_are_of_round_size() -> None:
+def test_cell_sizes_are_rounded_up() -> None:
     sizes = {0.2: 0.2, 0.21: 0.5, 0.347: 0.5, 0.5: 0.5, 0.84: 1.0, 1.0: 1.0, 1.01: 2.0, 13.0: 20.0}
     assert {voxel: round_cell(voxel) for voxel in sizes} == sizes
 
 
 def part_of(points: np.ndarray) -> MapPart:
-    """A map of these points, seen from one place."""
+    """Map part of these points, seen from the origin."""
     T = RigidTransform.from_translation(np.zeros((1, 3)))
     part = georeferenced(Georeference(60.0, 5.0), T, len(points)).part
     return replace(part, points=points)
@@ -221,15 +221,15 @@ def slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("suffix", "far"), [("ply", 0.0), ("glb", 431_000.0)])
-def test_the_grid_is_a_sheet_that_looks_up(tmp_path: Path, suffix: str, far: float) -> None:
+def test_the_mesh_covers_the_grid_and_faces_up(tmp_path: Path, suffix: str, far: float) -> None:
     """A corner cell and one in the middle are missing: the corner's square keeps a triangle, and so do four others."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(7) + 0.5, np.arange(5) + 0.5))
     kept = ~((x == 3.5) & (y == 2.5)) & ~((x == 6.5) & (y == 4.5))
     points = np.column_stack([x, y, slope(x, y)])[kept] + [far, -2 * far, 0]
     path = tmp_path / f"surface.{suffix}"
-    said = write_mesh(path, part_of(points), 1.0)
+    details = write_mesh(path, part_of(points), 1.0)
     vertices, triangles = read(path)
-    assert (said["vertices"], said["triangles"]) == (len(vertices), len(triangles)) == (33, 2 * 19 + 5)
+    assert (details["vertices"], details["triangles"]) == (len(vertices), len(triangles)) == (33, 2 * 19 + 5)
     order, wanted = np.lexsort(vertices.T[:2]), np.lexsort(points.T[:2])
     np.testing.assert_allclose(vertices[order], points[wanted], rtol=0, atol=1e-3)
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
@@ -238,6 +238,6 @@ def test_the_grid_is_a_sheet_that_looks_up(tmp_path: Path, suffix: str, far: flo
     assert normals[:, 2].sum() / 2 == pytest.approx(19 + 5 / 2, abs=0.05)  # the squares' area from above
 
 
-def test_lone_points_have_no_surface(tmp_path: Path) -> None:
+def test_a_mesh_of_isolated_points_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--cell M"):
         write_mesh(tmp_path / "surface.ply", part_of(np.array([[0.0, 0, 0], [9.0, 0, 0], [0, 9.0, 0]])), 1.0)

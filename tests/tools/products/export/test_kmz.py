@@ -1,4 +1,4 @@
-"""KMZ: valid by the OGC's and Google's schemas, read by lxml and fastkml, places worked by hand."""
+"""KMZ files: valid by the OGC's and Google's schemas, read by lxml and fastkml."""
 
 import io
 import zipfile
@@ -23,7 +23,7 @@ PLACES = [(-70.0, -60.0002), (-17.5, 179.9999)]
 
 
 def document(path: Path) -> etree._Element:
-    """The document of a KMZ, after a check by the schema."""
+    """Root of a KMZ's document, checked against the schema."""
     root = etree.fromstring(zipfile.ZipFile(path).read("doc.kml"))
     schema = get_schema_parser()
     assert schema.validate(root), schema.error_log
@@ -39,8 +39,7 @@ def written(folder: Path, earth: Georeferenced) -> Path:
     return folder / "map.kmz"
 
 
-def test_times(tmp_path: Path) -> None:
-    """In order of time, whatever the order of the scans."""
+def test_the_track_is_in_order_of_time(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
     stamps = START + np.array([5.0, 0.0, 2.5, 7.625])
     root = document(written(tmp_path, timed(earth, stamps)))
@@ -50,7 +49,7 @@ def test_times(tmp_path: Path) -> None:
     assert [row.split() for row in texts(root, ".//gx:Track/gx:coord")] == [coordinates[k] for k in (1, 2, 0, 3)]
 
 
-def test_placemarks_are_read_by_another_library_too(tmp_path: Path) -> None:
+def test_fastkml_reads_the_placemarks(tmp_path: Path) -> None:
     """Without times there is no timed track; characters that XML cannot hold become question marks."""
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
     content = zipfile.ZipFile(written(tmp_path, earth)).read("doc.kml")
@@ -65,8 +64,8 @@ def test_placemarks_are_read_by_another_library_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_every_point_is_in_the_picture(place: tuple[float, float], tmp_path: Path) -> None:
-    """Its pixel, by the box and the picture's size alone, has a color; two pictures where 180 degrees are crossed."""
+def test_every_point_has_a_colored_pixel(place: tuple[float, float], tmp_path: Path) -> None:
+    """Pixels are computed from an overlay's box and size; a map across 180 degrees has two overlays."""
     earth = georeferenced(Georeference(*place, heading=20.0), scattered(4, reach=60.0))
     path = written(tmp_path, earth)
     archive = zipfile.ZipFile(path)
@@ -88,7 +87,7 @@ def test_every_point_is_in_the_picture(place: tuple[float, float], tmp_path: Pat
     assert drawn == len(earth.points)
 
 
-def test_a_kmz_keeps_its_files_readable(tmp_path: Path) -> None:
+def test_a_kmz_is_reproducible_and_its_files_are_readable(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(2))
     path = written(tmp_path, earth)
     before = path.read_bytes()

@@ -1,4 +1,4 @@
-"""The folder of a map, read back: damage ends in an error that names what to do, or in a right result."""
+"""Reading a map folder: damage gives an error that says what to do, or a right result."""
 
 import json
 import re
@@ -26,7 +26,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_map(tmp_path_factory.mktemp("whole"), georeference=HERE)
 
 
-def test_it_is_what_was_written(whole: Path) -> None:
+def test_a_map_folder_is_read_as_written(whole: Path) -> None:
     folder = read_map_folder(whole)
     (part,) = folder.parts
     assert folder.georeference == HERE
@@ -46,8 +46,8 @@ def test_a_missing_file_is_named(whole: Path, name: str, tmp_path: Path) -> None
         read_map_folder(tmp_path / "map")
 
 
-def test_the_same_map_gives_the_same_bytes(whole: Path, tmp_path: Path) -> None:
-    """Of formats whose writers draw identifiers, or note the time."""
+def test_exports_are_reproducible(whole: Path, tmp_path: Path) -> None:
+    """For formats whose writers draw identifiers or note the time."""
     contents: list[dict[str, bytes]] = []
     for name in ("first", "second"):
         files = export_map(read_map_folder(whole), tmp_path / name, ExportSettings(("e57", "gpkg"))).files
@@ -57,10 +57,10 @@ def test_the_same_map_gives_the_same_bytes(whole: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["map.ply", "graph.json", "pairs.csv"])
-def test_a_file_that_is_not_of_the_map_is_named(whole: Path, name: str, tmp_path: Path) -> None:
+def test_a_file_that_differs_from_the_summary_is_named(whole: Path, name: str, tmp_path: Path) -> None:
     folder = shutil.copytree(whole, tmp_path / "map")
     content = bytearray((folder / name).read_bytes())
-    if name == "pairs.csv":  # which is not read: its size tells
+    if name == "pairs.csv":  # not read, so only its size is checked
         content += b"\n"
     else:
         content[-3] ^= 1
@@ -70,7 +70,7 @@ def test_a_file_that_is_not_of_the_map_is_named(whole: Path, name: str, tmp_path
 
 
 @pytest.mark.parametrize("renamed", [1, 5])
-def test_a_run_that_was_killed_between_two_files_is_noticed(tmp_path: Path, renamed: int) -> None:
+def test_a_run_killed_between_two_files_is_detected(tmp_path: Path, renamed: int) -> None:
     """Its files replace those of an earlier run one by one, summary.json last."""
     folder, replace, done = finished_map(tmp_path, split=True), Path.replace, list[Path]()
 
@@ -94,7 +94,7 @@ STRANGE = (None, 3, "x", [], {}, [1], [{"sha256": 1}], {"inputs": [7], "frame": 
 
 
 @pytest.mark.parametrize("name", ["settings", "components", "straightened"])
-def test_values_of_other_types_are_refused_or_without_effect(whole: Path, name: str, tmp_path: Path) -> None:
+def test_values_of_wrong_types_are_refused_or_ignored(whole: Path, name: str, tmp_path: Path) -> None:
     folder = shutil.copytree(whole, tmp_path / "map")
     summary = json.loads((folder / "summary.json").read_text())
     for value in STRANGE:
@@ -104,8 +104,8 @@ def test_values_of_other_types_are_refused_or_without_effect(whole: Path, name: 
                 mapped_scans(read_map_folder(folder), scans)
 
 
-def test_a_covariance_that_is_null_is_refused(whole: Path, tmp_path: Path) -> None:
-    """It would be NaN in all that is computed of the map's uncertainty."""
+def test_a_null_covariance_is_refused(whole: Path, tmp_path: Path) -> None:
+    """It would make the map's uncertainty NaN."""
     folder = shutil.copytree(whole, tmp_path / "map")
     summary, graph = (json.loads((folder / name).read_text()) for name in ("summary.json", "graph.json"))
     del summary["checksums"]
@@ -116,8 +116,8 @@ def test_a_covariance_that_is_null_is_refused(whole: Path, tmp_path: Path) -> No
         read_map_folder(folder)
 
 
-def test_coordinates_beyond_any_use_are_refused(whole: Path, tmp_path: Path) -> None:
-    """Of a map without checksums, as earlier versions wrote it."""
+def test_coordinates_beyond_1e9_m_are_refused(whole: Path, tmp_path: Path) -> None:
+    """In a map without checksums, as earlier versions wrote it."""
     folder = shutil.copytree(whole, tmp_path / "map")
     summary = json.loads((folder / "summary.json").read_text())
     del summary["checksums"]

@@ -1,4 +1,4 @@
-"""map.mcap by the mcap library with its ROS 2 decoder, and by rosbags, against the map and places worked otherwise."""
+"""map.mcap, read by the mcap library's ROS 2 decoder and by rosbags, against the map."""
 
 from collections import defaultdict
 from dataclasses import replace
@@ -18,7 +18,7 @@ KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 
 
 def messages(path: Path, earth: Georeferenced, on_earth: bool = True) -> dict[str, list[tuple[float, Any]]]:
-    """Of each topic, seconds of the log and messages; the headers have to say the same time."""
+    """Log times [s] and messages of each topic; the headers' stamps must equal the log times."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
@@ -53,11 +53,11 @@ def numbers(message: Any, names: str) -> list[float]:
 
 @pytest.fixture
 def topics(tmp_path: Path) -> dict[str, list[tuple[float, Any]]]:
-    """Of a dive."""
+    """Log times [s] and messages of a dive, by topic."""
     return messages(tmp_path, dive())
 
 
-def test_the_cloud_is_the_map(topics: dict[str, list[tuple[float, Any]]]) -> None:
+def test_the_cloud_has_the_points_of_the_map(topics: dict[str, list[tuple[float, Any]]]) -> None:
     earth = dive()
     ((time, cloud),) = topics["/map/points"]
     assert (time, cloud.header.frame_id, cloud.height, cloud.width) == (1.7e9, "map", 1, 500)
@@ -67,7 +67,7 @@ def test_the_cloud_is_the_map(topics: dict[str, list[tuple[float, Any]]]) -> Non
         np.testing.assert_array_equal(records[name], column)
 
 
-def test_poses_over_time(topics: dict[str, list[tuple[float, Any]]]) -> None:
+def test_poses_and_transforms_follow_the_trajectory(topics: dict[str, list[tuple[float, Any]]]) -> None:
     part = dive().part.trajectory
     for k, ((at, pose), (when, tf)) in enumerate(zip(topics["/pose"], topics["/tf"], strict=True)):
         (transform,) = tf.transforms
@@ -82,8 +82,8 @@ def test_poses_over_time(topics: dict[str, list[tuple[float, Any]]]) -> None:
             assert (R.inv() * part.T_world_sensor[k].rotation).magnitude() < 1e-12
 
 
-def test_a_far_map_has_a_frame_of_its_own(tmp_path: Path) -> None:
-    """With coordinates of UTM: float32 alone would be off by 0.25 m."""
+def test_a_map_far_from_its_origin_has_a_cloud_frame(tmp_path: Path) -> None:
+    """UTM coordinates in float32 alone would be off by 0.25 m."""
     earth = dive()
     away = np.array([431_234.5, 6_651_987.25, 0.0])
     T = earth.part.trajectory.T_world_sensor
@@ -101,7 +101,7 @@ def test_a_far_map_has_a_frame_of_its_own(tmp_path: Path) -> None:
     assert "/position" not in topics
 
 
-def test_counters_are_seconds_and_time_ascends(tmp_path: Path) -> None:
+def test_counters_are_written_as_ascending_seconds(tmp_path: Path) -> None:
     topics = messages(tmp_path, dive(stamps=np.array([3.0, 4, 5, 0, 1, 2])))
     assert [time for time, _ in topics["/pose"]] == [0, 1, 2, 3, 4, 5]
     first = dive().part.trajectory.T_world_sensor[3].translation
@@ -119,7 +119,7 @@ def test_altitudes_are_above_the_ellipsoid(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.trace(variances, axis1=1, axis2=2), 0.06)
 
 
-def test_rosbags_reads_the_same_and_the_metadata_say_what_the_numbers_are(tmp_path: Path) -> None:
+def test_rosbags_reads_the_poses_and_metadata_name_the_frames(tmp_path: Path) -> None:
     from mcap.reader import make_reader
     from rosbags.highlevel import AnyReader
 
@@ -135,12 +135,12 @@ def test_rosbags_reads_the_same_and_the_metadata_say_what_the_numbers_are(tmp_pa
     with (tmp_path / "map.mcap").open("rb") as file:
         reader = make_reader(file)
         assert reader.get_header().profile == "ros2"
-        (says,) = [record.metadata for record in reader.iter_metadata() if record.name == "sonarmap"]
-    assert (says["map"], says["time"], says["datum"], says["crs"]) == ("East-North-Up", "UTC", "WGS84", "EPSG:32632")
-    assert (float(says["latitude"]), float(says["longitude"]), says["vertical"]) == (60.0, 11.9995, "surface")
+        (tags,) = [record.metadata for record in reader.iter_metadata() if record.name == "sonarmap"]
+    assert (tags["map"], tags["time"], tags["datum"], tags["crs"]) == ("East-North-Up", "UTC", "WGS84", "EPSG:32632")
+    assert (float(tags["latitude"]), float(tags["longitude"]), tags["vertical"]) == (60.0, 11.9995, "surface")
 
 
-def test_the_track(topics: dict[str, list[tuple[float, Any]]]) -> None:
+def test_the_track_has_the_poses_and_times_of_the_trajectory(topics: dict[str, list[tuple[float, Any]]]) -> None:
     ((time, path),) = topics["/track"]
     trajectory = dive().part.trajectory
     expected = trajectory.T_world_sensor.translation

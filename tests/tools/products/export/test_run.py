@@ -1,4 +1,4 @@
-"""A finished map exported: side-cars, what is refused, what is left out, and that nothing is half there."""
+"""Export of a finished map: side-car files, refusals, omitted parts, and writing all files or none."""
 
 import hashlib
 import json
@@ -28,7 +28,7 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two parts, of which nothing tells where they are."""
+    """Map folder of two parts without a georeference."""
     return finished_map(tmp_path_factory.mktemp("two"), split=True)
 
 
@@ -40,25 +40,25 @@ def side_car(path: Path) -> dict:
     return json.loads(path.with_name(f"{path.name}.json").read_text())
 
 
-def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Path) -> None:
+def test_every_file_has_a_side_car_that_describes_it(one: Path, tmp_path: Path) -> None:
     exported = export_map(read_map_folder(one), tmp_path / "gis", ALL)
     files = [path for path in exported.files if path.suffix != ".json"]
     assert set(exported.files) == set((tmp_path / "gis").iterdir())
-    # of these `map --export` knows before it maps what it would replace
+    # `map --export` needs the names before mapping, to know what it would replace
     known = [file.format("") for each in FORMATS.values() for file in each.files]
     assert {path.name for path in exported.files} == {*known, *(f"{name}.json" for name in known)}
     for path in files:
-        said = side_car(path)
-        assert (said["file"], said["bytes"]) == (path.name, path.stat().st_size)
-        assert said["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
-        assert {"sonarmap", "numpy", "pyproj", "laspy", "rasterio"} <= set(said["written_by"])
-        assert said["inputs"] == [{"name": "scans/a.ply", "bytes": 3, "sha256": "0" * 64}]
-        assert said["map"]["settings"] == {"voxel": 0.5}
-        assert said["points"] == len(read_map_folder(one).parts[0].points)
-        assert said["taken"]["utc"] == ["2016-12-31T23:59:50.250000Z", "2017-01-01T00:00:07.750000Z"]
-        assert "mean sea level" in said["vertical_reference"]
-        assert (said["origin"]["latitude_deg"], said["origin"]["height_m"]) == (60.0, -2.0)
-        assert "positive up" in said["signs"]
+        record = side_car(path)
+        assert (record["file"], record["bytes"]) == (path.name, path.stat().st_size)
+        assert record["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+        assert {"sonarmap", "numpy", "pyproj", "laspy", "rasterio"} <= set(record["written_by"])
+        assert record["inputs"] == [{"name": "scans/a.ply", "bytes": 3, "sha256": "0" * 64}]
+        assert record["map"]["settings"] == {"voxel": 0.5}
+        assert record["points"] == len(read_map_folder(one).parts[0].points)
+        assert record["taken"]["utc"] == ["2016-12-31T23:59:50.250000Z", "2017-01-01T00:00:07.750000Z"]
+        assert "mean sea level" in record["vertical_reference"]
+        assert (record["origin"]["latitude_deg"], record["origin"]["height_m"]) == (60.0, -2.0)
+        assert "positive up" in record["signs"]
     assert side_car(tmp_path / "gis" / "map.laz")["crs"]["epsg"] == 32632
     assert CRS.from_wkt(side_car(tmp_path / "gis" / "grid.tif")["crs"]["wkt"]).is_compound
     assert side_car(tmp_path / "gis" / "map.kmz")["crs"]["epsg"] == 4326
@@ -69,7 +69,7 @@ def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("here", "crs", "said", "unsaid"),
+    ("here", "crs", "noted", "absent"),
     [
         (HERE, None, ("more than one UTM zone",), ()),
         (Georeference(60.0, 9.0), None, ("no attitude", "no depth", "--origin-heading"), ()),
@@ -77,15 +77,15 @@ def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Pat
         (Georeference(55.0, 5.0), "EPSG:3413", ("outside the area",), ()),
     ],
 )
-def test_what_is_not_certain_is_said(
-    one: Path, tmp_path: Path, here: Georeference, crs: str | None, said: tuple[str, ...], unsaid: tuple[str, ...]
+def test_uncertain_georeferences_are_noted(
+    one: Path, tmp_path: Path, here: Georeference, crs: str | None, noted: tuple[str, ...], absent: tuple[str, ...]
 ) -> None:
     notes = " ".join(export_map(placed(one, here), tmp_path, ExportSettings(("laz",), crs)).notes)
-    assert [words for words in (*said, *unsaid) if words in notes] == [*said]
+    assert [words for words in (*noted, *absent) if words in notes] == [*noted]
 
 
-def test_parts_that_something_placed_are_written_and_others_are_named(two: Path, tmp_path: Path) -> None:
-    """By the user's word the largest; else those that instruments placed."""
+def test_parts_without_a_place_are_named_and_not_written(two: Path, tmp_path: Path) -> None:
+    """The user's origin places the largest part; otherwise those that instruments placed are written."""
     exported = export_map(placed(two), tmp_path / "user", LAZ)
     assert {path.name for path in exported.files} == {"map.laz", "map.laz.json"}
     assert any("map_2.ply" in note and "laz" in note for note in exported.notes)
@@ -105,7 +105,7 @@ def test_stamps_that_a_format_cannot_hold_are_refused(name: str, stamps: list[fl
         check_settings(ExportSettings((name,)), HERE, stamps)
 
 
-def test_no_place_at_all_is_refused(two: Path, tmp_path: Path) -> None:
+def test_a_map_without_georeference_is_refused(two: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--origin"):
         export_map(read_map_folder(two), tmp_path / "gis", LAZ)
     assert not (tmp_path / "gis").exists()
@@ -114,8 +114,8 @@ def test_no_place_at_all_is_refused(two: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:4326", "nonsense"])
-def test_a_crs_that_cannot_be_used_is_refused(one: Path, crs: str, tmp_path: Path) -> None:
-    """27700 needs a grid that PROJ does not bring along."""
+def test_an_unusable_crs_is_refused(one: Path, crs: str, tmp_path: Path) -> None:
+    """EPSG:27700 needs a grid that PROJ does not include."""
     with pytest.raises(InputError, match=r"--crs .*"):
         export_map(placed(one, Georeference(52.0, 0.2)), tmp_path / "gis", ExportSettings(("laz",), crs))
     assert not (tmp_path / "gis").exists()
@@ -125,7 +125,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_files_that_no_export_wrote_are_kept_and_an_earlier_export_is_replaced(one: Path, tmp_path: Path) -> None:
+def test_an_export_replaces_only_earlier_exports(one: Path, tmp_path: Path) -> None:
     (tmp_path / "map.laz").write_bytes(b"mine")
     with pytest.raises(InputError, match=r"map\.laz exists and"):
         export_map(read_map_folder(one), tmp_path, ALL)
@@ -139,7 +139,7 @@ def test_files_that_no_export_wrote_are_kept_and_an_earlier_export_is_replaced(o
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt(), InputError("full")])
 def test_all_files_or_none(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException) -> None:
-    """Stopped while the second format is written: the first is not there either, and an earlier export stays."""
+    """Stopped while the second format is written: the first is not written either, and an earlier export stays."""
     export_map(read_map_folder(one), tmp_path, LAZ)
     before = contents(tmp_path)
 
@@ -152,7 +152,7 @@ def test_all_files_or_none(one: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     assert contents(tmp_path) == before
 
 
-def test_in_the_map_s_own_folder_they_are_listed_and_a_later_map_removes_them(tmp_path: Path) -> None:
+def test_exports_in_the_map_folder_are_listed_and_removed_by_the_next_map(tmp_path: Path) -> None:
     out = finished_map(tmp_path / "out", georeference=HERE)
     before = json.loads((out / "summary.json").read_text())
     (out / "notes.txt").write_text("mine")
@@ -166,7 +166,7 @@ def test_in_the_map_s_own_folder_they_are_listed_and_a_later_map_removes_them(tm
     assert {path.name for path in out.iterdir()} == {*before["files"], "notes.txt"}
 
 
-def test_a_summary_cannot_have_files_removed_that_are_no_exports(tmp_path: Path) -> None:
+def test_listed_files_that_are_not_exports_are_kept(tmp_path: Path) -> None:
     out = finished_map(tmp_path / "out")
     summary = json.loads((out / "summary.json").read_text())
     (tmp_path / "a").write_text("outside")
@@ -178,7 +178,7 @@ def test_a_summary_cannot_have_files_removed_that_are_no_exports(tmp_path: Path)
     assert all(path.exists() for path in (tmp_path / "a", tmp_path / "a.json", out / "b.txt"))
 
 
-def test_what_needs_no_place_is_written_of_every_part(two: Path, tmp_path: Path) -> None:
+def test_formats_without_georeference_are_written_for_every_part(two: Path, tmp_path: Path) -> None:
     folder = read_map_folder(two)
     names = tuple(name for name in FORMATS if not FORMATS[name].needs_place)
     files = {path.name for path in export_map(folder, tmp_path, ExportSettings(names)).files}

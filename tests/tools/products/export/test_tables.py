@@ -1,4 +1,4 @@
-"""Tables of an export: the graph, EIVA's poses, times, and poses.csv by PROJ's other ways and signs by hand."""
+"""Exported tables: the graph, EIVA's poses, tracks, and poses.csv against independent coordinates and signs."""
 
 import json
 import re
@@ -34,7 +34,7 @@ from sonarmap.tools.products.export.track import (
 from tests.samples.clutter_scans import table_of
 from tests.tools.products.export.poses import (
     PLACES,
-    apart,
+    distances,
     dive,
     floats,
     geodetic_by_hand,
@@ -44,7 +44,7 @@ from tests.tools.products.export.poses import (
 
 
 def two_parts(path: Path) -> Map:
-    """Scans 1, 3, 4 in the world with times, 0 and 5 apart with counters; nothing placed 2."""
+    """Map with scans 1, 3, 4 in the world with times, scans 0, 5 in a second part with counters; 2 is unplaced."""
     earth = dive()
     stamps = np.array([0, 1.7e9, 9, 1.7e9 + 2.5, 1.7e9 + 5.0004, 7], dtype=np.float64)
     whole = Trajectory(stamps, earth.part.trajectory.T_world_sensor)
@@ -56,13 +56,13 @@ def two_parts(path: Path) -> Map:
     return replace(with_part(earth, parts[0]).folder, path=path, parts=parts)
 
 
-def test_a_row_for_each_vertex(tmp_path: Path) -> None:
+def test_graph_csv_has_a_row_for_each_vertex(tmp_path: Path) -> None:
     folder = two_parts(tmp_path)
     write_graph(tmp_path / "out" / "graph.csv", folder, folder.parts[0], None)
     rows = table_of(tmp_path / "out" / "graph.csv")
-    apart, world = ("2", "first pose"), ("1", "East-North-Up")
+    second, world = ("2", "first pose"), ("1", "East-North-Up")
     assert [(row["vertex"], row["name"], row["map"], row["frame"]) for row in rows] == [
-        (str(k), f"scan_{k}", *where) for k, where in ((0, apart), (1, world), (3, world), (4, world), (5, apart))
+        (str(k), f"scan_{k}", *where) for k, where in ((0, second), (1, world), (3, world), (4, world), (5, second))
     ]
     assert [row["utc"] for row in rows][2:] == ["2023-11-14T22:13:22.500000Z", "2023-11-14T22:13:25.000400Z", ""]
     assert [float(row["stamp"]) for row in rows] == [0, 1.7e9, 1.7e9 + 2.5, 1.7e9 + 5.0004, 7]
@@ -78,12 +78,12 @@ def rows_of(path: Path, earth: Georeferenced) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_places_are_where_another_projection_has_them(tmp_path: Path, place: str) -> None:
+def test_positions_equal_those_of_another_projection(tmp_path: Path, place: str) -> None:
     earth = dive(place)
     rows = rows_of(tmp_path, earth)
     expected = geodetic_by_hand(earth)
     written = floats(rows, "lat_deg", "lon_deg")
-    assert apart(written, expected).max() < 1e-4
+    assert distances(written, expected).max() < 1e-4
     grid = projected_by_hand(expected, PLACES[place][1])
     np.testing.assert_allclose(floats(rows, "easting_m", "northing_m"), grid, rtol=0, atol=1e-4)
     np.testing.assert_allclose(floats(rows, "height_m")[:, 0], [-31.25, -30.75, -30.25, -29.75, -29.25, -28.75])
@@ -96,8 +96,8 @@ def test_places_are_where_another_projection_has_them(tmp_path: Path, place: str
         assert (written[3:, 1] < -179.999).all()
 
 
-def test_signs_are_those_of_displays(tmp_path: Path) -> None:
-    """By hand, at 60 north and 2.9995 degrees east of the zone's middle."""
+def test_angles_have_the_signs_of_navigation_displays(tmp_path: Path) -> None:
+    """Computed by hand at 60 north, 2.9995 degrees east of the zone's central meridian."""
     rows = rows_of(tmp_path, dive())
     k = np.arange(6)
     np.testing.assert_allclose(floats(rows, "roll_deg")[:, 0], 2 * k - 3, atol=1e-6)  # starboard down
@@ -115,7 +115,7 @@ def test_signs_are_those_of_displays(tmp_path: Path) -> None:
     assert 27.39 < grid[0] < 27.41  # 30 - 2.597 - 0.001
 
 
-def test_times(tmp_path: Path) -> None:
+def test_times_are_utc_and_empty_for_counters(tmp_path: Path) -> None:
     stamps = np.array([1.7e9, 1.7e9 + 0.1234567, 1_582_934_399.9994, 1.75e9, 1.75e9 + 0.001, 2e9])
     rows = rows_of(tmp_path, dive(stamps=stamps))
     for row, stamp in zip(rows, stamps, strict=True):
@@ -126,7 +126,7 @@ def test_times(tmp_path: Path) -> None:
         assert (row["utc"], row["unix_s"]) == ("", "")
 
 
-def test_errors_are_those_of_poses_drawn_from_the_covariance(tmp_path: Path) -> None:
+def test_sigmas_equal_those_of_poses_drawn_from_the_covariance(tmp_path: Path) -> None:
     earth = dive()
     rng = np.random.default_rng(8)
     shape = rng.normal(size=(6, 6)) * np.array([0.01, 0.02, 0.03, 0.4, 0.2, 0.1])[:, None]
@@ -151,7 +151,7 @@ def test_errors_are_those_of_poses_drawn_from_the_covariance(tmp_path: Path) -> 
     np.testing.assert_allclose(floats([row], *upper)[0] / scale, expected[np.triu_indices(6)] / scale, atol=0.02)
 
 
-def test_names_may_hold_anything_and_what_is_not_known_is_empty(tmp_path: Path) -> None:
+def test_names_are_escaped_and_unknown_sigmas_are_empty(tmp_path: Path) -> None:
     earth = dive()
     names = ("a,b", 'said "c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA};", "lone\udce9", "=1+1")
     part = replace(earth.part, covariances=np.full((6, 6, 6), np.nan))
@@ -161,8 +161,8 @@ def test_names_may_hold_anything_and_what_is_not_known_is_empty(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("write", [write_eiva_position, write_eiva_attitude])
-def test_eiva_s_lines_ascend_in_time_in_the_layout_of_its_page(tmp_path: Path, write: Callable) -> None:
-    """1179179101.202228 1.134059548584164 0.1130091400934067 349.1989770603225"""
+def test_eiva_lines_have_the_documented_layout_in_order_of_time(tmp_path: Path, write: Callable) -> None:
+    """EIVA's example: 1179179101.202228 1.134059548584164 0.1130091400934067 349.1989770603225"""
     stamps = 1.7e9 + np.array([30.0, 31, 32, 0, 1, 2])
     write(tmp_path / "poses.txt", dive(stamps=stamps))
     lines = (tmp_path / "poses.txt").read_text().splitlines()
@@ -183,7 +183,7 @@ def features_in(path: Path, earth: Georeferenced) -> dict[str, list[dict[str, An
     return layers
 
 
-def test_track_and_loops(tmp_path: Path) -> None:
+def test_geojson_has_the_track_and_the_loops(tmp_path: Path) -> None:
     layers = features_in(tmp_path, dive())
     (track,) = layers["track"]
     points = [scan["geometry"]["coordinates"] for scan in layers["scans"]]
@@ -197,7 +197,7 @@ def test_track_and_loops(tmp_path: Path) -> None:
     assert refused["properties"] == expected | {"layer": "loops"}
 
 
-def test_lines_are_cut_at_180(tmp_path: Path) -> None:
+def test_lines_are_cut_at_180_degrees(tmp_path: Path) -> None:
     layers = features_in(tmp_path, dive("180 east"))
     for feature, count in ((layers["track"][0], 8), (layers["loops"][0], 4)):
         assert feature["geometry"]["type"] == "MultiLineString"
@@ -208,7 +208,7 @@ def test_lines_are_cut_at_180(tmp_path: Path) -> None:
 
 
 def test_a_cut_lies_where_the_line_crosses() -> None:
-    """A third of the way: by hand."""
+    """By hand: a third along the line."""
     west, east = cut_at_180(np.array([[-179.9, 10.0, 3.0], [179.8, 13.0, 6.0]]))
     np.testing.assert_allclose(west, [[-179.9, 10, 3], [-180, 11, 4]])
     np.testing.assert_allclose(east, [[180, 11, 4], [179.8, 13, 6]])
@@ -233,7 +233,7 @@ def written(path: Path, earth: Georeferenced) -> Path:
 
 
 def read(path: Path, layer: str) -> tuple[list[np.ndarray], dict[str, np.ndarray]]:
-    """Places and attributes of a layer."""
+    """Coordinates and attributes of a layer."""
     from pyogrio.raw import read
 
     meta, _, geometry, columns = read(path, layer=layer, datetime_as_string=True)
@@ -242,25 +242,25 @@ def read(path: Path, layer: str) -> tuple[list[np.ndarray], dict[str, np.ndarray
 
 
 def places(wkb: bytes) -> np.ndarray:
-    """(n, 3) of ISO or EWKB points and lines."""
+    """Coordinates (n, 3) of an ISO or EWKB point or line."""
     order, kind = struct.unpack_from("<BI", wkb)
     assert order == 1
     start = 5 if kind in (1001, 0x80000001) else 9
     return np.frombuffer(wkb[start:], "<f8").reshape(-1, 3)
 
 
-def test_track_and_loops_in_a_geopackage(tmp_path: Path) -> None:
+def test_a_geopackage_has_the_track_and_the_loops(tmp_path: Path) -> None:
     path = written(tmp_path, dive())
     points = np.vstack(read(path, "scans")[0])
-    (track,), says = read(path, "track")
+    (track,), fields = read(path, "track")
     np.testing.assert_array_equal(track, points)
-    assert says["scan_count"][0] == 6
-    (kept, refused), says = read(path, "loops")
+    assert fields["scan_count"][0] == 6
+    (kept, refused), fields = read(path, "loops")
     np.testing.assert_array_equal(kept, points[[0, 5]])
     np.testing.assert_array_equal(refused, points[[1, 4]])
-    assert says["kept"].tolist() == [True, False]
-    assert says["reason"].tolist() == ["ok", "contradicts"]
-    assert says["source"].tolist() == ["scan_5", "scan_4"]
+    assert fields["kept"].tolist() == [True, False]
+    assert fields["reason"].tolist() == ["ok", "contradicts"]
+    assert fields["source"].tolist() == ["scan_5", "scan_4"]
 
 
 def test_loops_to_other_parts_are_left_out_and_counters_are_null(tmp_path: Path) -> None:
@@ -269,17 +269,17 @@ def test_loops_to_other_parts_are_left_out_and_counters_are_null(tmp_path: Path)
     part = replace(earth.part, scans=tuple(range(5)), trajectory=trajectory, covariances=earth.part.covariances[:5])
     layers = features_in(tmp_path, with_part(earth, part))
     assert [loop["properties"]["reason"] for loop in layers["loops"]] == ["contradicts"]
-    says = layers["scans"][3]["properties"]
-    assert (says["utc"], says["unix_s"], layers["track"][0]["properties"]["first_utc"]) == (None, None, None)
+    scan = layers["scans"][3]["properties"]
+    assert (scan["utc"], scan["unix_s"], layers["track"][0]["properties"]["first_utc"]) == (None, None, None)
 
 
-def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
+def test_a_folder_named_like_the_geopackage_is_refused(tmp_path: Path) -> None:
     (tmp_path / "track.gpkg").mkdir()
     with pytest.raises(InputError, match="a folder of that name"):
         write_geopackage(tmp_path / "track.gpkg", dive())
 
 
-def test_it_is_a_geopackage_by_its_own_words(tmp_path: Path) -> None:
+def test_a_geopackage_meets_its_standard(tmp_path: Path) -> None:
     """OGC 12-128r14: requirements 2 (application id), 13 (contents), 22 (geometry columns); times of a DATETIME."""
     with sqlite3.connect(written(tmp_path, dive())) as base:
         assert base.execute("PRAGMA application_id").fetchone() == (0x47504B47,)

@@ -1,4 +1,4 @@
-"""A dive eastward over a bed, a key scan each meter, and what a page is told of it."""
+"""A dive eastward over a bed with a key scan every meter, and its messages to the page."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,13 +15,13 @@ BETWEEN = 3  # scans from one key scan to the next
 @dataclass
 class KnownDive:
     per_scan: int
-    seen: list[np.ndarray] = field(default_factory=list[np.ndarray])  # in the plan
+    seen: list[np.ndarray] = field(default_factory=list[np.ndarray])  # (N, 2) [m]
 
     def pose(self, key: int) -> RigidTransform:
         return RigidTransform.from_components([float(key), 0.0, -3.0], Rotation.from_euler("z", 20, degrees=True))
 
     def state(self, key: int, lost: float | None = None) -> Message:
-        """What is said after a key scan; `lost`: for how long [s]."""
+        """State message after a key scan; `lost`: time since the vehicle was lost [s]."""
         scans, pose = BETWEEN * (key + 1), self.pose(key)
         state = State(
             "placed" if lost is None else "lost",
@@ -42,7 +42,7 @@ class KnownDive:
         return "state", state.message
 
     def until(self, end: int) -> Iterator[Message]:
-        """The messages of key scans up to `end`."""
+        """Messages of the first `end` key scans."""
         rng = np.random.default_rng(1)
         for key in range(end):
             points = rng.uniform([1, -4, -5.2], [9, 4, -5], (self.per_scan, 3))

@@ -1,4 +1,4 @@
-"""A browser that comes late, or is slow, gets what it lacks, and costs no memory."""
+"""The store of messages: late and slow browsers get what they lack, without growing memory."""
 
 import json
 
@@ -12,7 +12,7 @@ T = RigidTransform.identity()
 
 
 def all_after(store: Kept, reached: dict[type, int]) -> tuple[list[str], list[bytes]]:
-    """Texts and bytes, until nothing is left."""
+    """Texts and binary messages until the store has no more."""
     texts, binaries = list[str](), list[bytes]()
     while new := store.after(reached):
         texts += [each for each in new if isinstance(each, str)]
@@ -31,7 +31,7 @@ def filled(keys: int = 50) -> Kept:
     return store
 
 
-def test_who_comes_late_gets_everything_and_then_only_what_is_new() -> None:
+def test_a_late_browser_gets_everything_and_then_only_news() -> None:
     store, reached = filled(), dict[type, int]()
     texts, binaries = all_after(store, reached)
     assert [json.loads(each)["kind"] for each in texts] == ["poses", "state"]
@@ -42,7 +42,7 @@ def test_who_comes_late_gets_everything_and_then_only_what_is_new() -> None:
     assert all_after(store, reached) == ([messages.loops([])[1]], [])
 
 
-def test_what_is_as_before_is_no_news() -> None:
+def test_unchanged_poses_are_not_sent_again() -> None:
     store, reached = filled(), dict[type, int]()
     all_after(store, reached)
     for each in messages.poses(0, [0] * 50, [T] * 50):
@@ -50,7 +50,7 @@ def test_what_is_as_before_is_no_news() -> None:
     assert store.after(reached) == []
 
 
-def test_a_slow_browser_gets_the_latest_alone() -> None:
+def test_a_slow_browser_gets_only_the_latest_messages() -> None:
     store = Kept()
     for k in range(1000):
         store.add(messages.last(0, np.full((100, 3), float(k))))
@@ -58,7 +58,7 @@ def test_a_slow_browser_gets_the_latest_alone() -> None:
     assert store.after({}) == ["999", messages.last(0, np.full((100, 3), 999.0))[1]]
 
 
-def test_texts_do_not_wait_for_clouds() -> None:
+def test_texts_are_sent_before_clouds() -> None:
     store, reached = filled(), dict[type, int]()
     first = store.after(reached)
     assert sum(isinstance(message, bytes) for message in first) == messages.AT_ONCE
@@ -66,7 +66,7 @@ def test_texts_do_not_wait_for_clouds() -> None:
     assert store.after(reached)[0] == "lost"
 
 
-def test_a_reset_forgets_everything_and_says_so() -> None:
+def test_a_reset_is_sent_and_drops_earlier_messages() -> None:
     store, reached = filled(), dict[type, int]()
     store.after(reached)
     store.add(messages.RESET)

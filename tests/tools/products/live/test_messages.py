@@ -1,4 +1,4 @@
-"""Messages come back as they were meant."""
+"""Messages to the live page: points, poses, coverage plan, loops and state."""
 
 import json
 from base64 import b64decode
@@ -18,7 +18,7 @@ T = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_quat([0.0, 0.0
 SEVEN = [1, 2, 3, 0, 0, 0.6, 0.8]
 
 
-def test_points_come_back_within_half_a_quantum() -> None:
+def test_points_are_decoded_within_half_a_quantum() -> None:
     points = np.random.default_rng(0).normal(0, 20, (500, 3))
     for kind, (name, message) in ((1, messages.cloud(7, points)), (2, messages.last(7, points))):
         assert isinstance(message, bytes)
@@ -30,7 +30,7 @@ def test_points_come_back_within_half_a_quantum() -> None:
         assert np.abs(back - points).max() <= 0.51 * quantum
 
 
-def test_poses_come_in_blocks_from_the_first_that_changed() -> None:
+def test_poses_are_sent_in_blocks_from_the_first_change() -> None:
     block = messages.BLOCK
     sent = dict(messages.poses(block + 3, [0] * (2 * block) + [1], [T] * (2 * block + 1)))
     assert list(sent) == [f"poses {block}", f"poses {2 * block}"]
@@ -39,7 +39,7 @@ def test_poses_come_in_blocks_from_the_first_that_changed() -> None:
 
 
 def plan_of(seen: list[np.ndarray], cell: float = 0.5) -> tuple[dict[str, object], np.ndarray]:
-    """A plan, and its kinds with the smallest y first."""
+    """A plan, and the kinds of its cells with the smallest y first."""
     name, text = coverage(seen, cell, 6)
     plan = json.loads(text)
     assert (name, plan["part"]) == ("coverage 6", 6)
@@ -47,7 +47,7 @@ def plan_of(seen: list[np.ndarray], cell: float = 0.5) -> tuple[dict[str, object
     return plan, np.asarray(picture)[::-1]
 
 
-def test_the_plan_says_what_was_seen_how_often_and_where_holes_are() -> None:
+def test_the_plan_counts_views_and_marks_holes() -> None:
     x, y = np.meshgrid(np.arange(8), np.arange(6))
     ring = np.column_stack([x.ravel(), y.ravel()])
     inside = (ring[:, 0] > 1) & (ring[:, 0] < 5) & (ring[:, 1] > 1) & (ring[:, 1] < 4)
@@ -66,7 +66,7 @@ def test_the_plan_says_what_was_seen_how_often_and_where_holes_are() -> None:
     assert [row[1:] for row in legend][1:] == [["2 or 3 times", 0.25], ["once", 0.25 * 41], ["holes, never seen", 1.5]]
 
 
-def test_a_large_plan_is_coarser_and_strays_do_not_make_it_large() -> None:
+def test_a_large_plan_is_coarser_and_strays_do_not_enlarge_it() -> None:
     rng = np.random.default_rng(0)
     points = np.repeat(rng.uniform(0, 3000, (2000, 2)), 2, axis=0)
     plan, kinds = plan_of([points])
@@ -77,16 +77,16 @@ def test_a_large_plan_is_coarser_and_strays_do_not_make_it_large() -> None:
     assert max(kinds.shape) < 50
 
 
-def test_a_plan_of_nothing_is_empty() -> None:
+def test_a_plan_of_a_single_point_is_empty() -> None:
     _, kinds = plan_of([np.zeros((0, 2)), np.array([[1.0, 2.0]])])
     assert kinds.tolist() == [[0]]
 
 
-def test_loops_come_back() -> None:
+def test_loops_are_decoded() -> None:
     assert json.loads(messages.loops([(1, 9)])[1]) == {"kind": "loops", "pairs": [[1, 9]]}
 
 
-def test_points_that_are_far_are_coarser() -> None:
+def test_distant_points_have_a_coarser_quantum() -> None:
     _, message = messages.cloud(0, np.array([[1e4, 0, 0]]))
     assert isinstance(message, bytes)
     assert np.frombuffer(message, "<i2", offset=12).tolist() == [32767, 0, 0]
@@ -94,7 +94,7 @@ def test_points_that_are_far_are_coarser() -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "known", "said"),
+    ("status", "known", "phrases"),
     [
         ("waiting", {"silent": 7.4}, ("Waiting for scans", "nothing has come for 7 s")),
         (
@@ -107,14 +107,14 @@ def test_points_that_are_far_are_coarser() -> None:
         ("recording", {}, ("The recording goes on",)),
     ],
 )
-def test_each_status_says_what_is_known(status: Any, known: dict[str, Any], said: tuple[str, ...]) -> None:
-    assert [words for words in said if words in State(status, **known).sentence] == [*said]
+def test_each_status_states_the_known_values(status: Any, known: dict[str, Any], phrases: tuple[str, ...]) -> None:
+    assert [words for words in phrases if words in State(status, **known).sentence] == [*phrases]
 
 
-def test_a_state_is_a_message_of_its_own_names() -> None:
+def test_a_state_message_has_the_fields_of_the_state() -> None:
     state = State("lost", 9, 8, 4, lost_for=7.5, pose=[1, 2, 3, 0, 0, 0.6, 0.8], sure=(1, [1, 2, 3]), alerts=("<&",))
-    said = json.loads(state.message)
-    assert said["kind"] == "state"
-    assert said["sentence"] == state.sentence
-    assert (said["status"], said["keys"], said["lost_for"], said["sure"]) == ("lost", 4, 7.5, [1, [1, 2, 3]])
-    assert (said["speed"], said["alerts"]) == (None, ["<&"])
+    sent = json.loads(state.message)
+    assert sent["kind"] == "state"
+    assert sent["sentence"] == state.sentence
+    assert (sent["status"], sent["keys"], sent["lost_for"], sent["sure"]) == ("lost", 4, 7.5, [1, [1, 2, 3]])
+    assert (sent["speed"], sent["alerts"]) == (None, ["<&"])

@@ -1,4 +1,4 @@
-"""The page in a real Chromium: what it shows of a dive, and what it says where something is wrong."""
+"""The live page in Chromium: a dive, the alarm, hostile texts, and a lost server."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,11 +19,11 @@ from tests.tools.products.report.browser import SOFTWARE, Opened, browsed, wait_
 def opened(
     live: LivePage, width: int = 1280, flags: tuple[str, ...] = SOFTWARE, silent: bool = True
 ) -> Iterator[Opened]:
-    """The page, which has said nothing when it is left unless it is not `silent`, and asked for nothing but itself."""
+    """The live page; at exit it must have requested only its own address and, if `silent`, logged nothing."""
     with browsed(live.address, "window.sonarmap && sonarmap.wire.open", (width, 844), flags) as shown:
         yield shown
-        assert shown.said == [] or not silent
-        assert {urlsplit(asked).netloc for asked in shown.asked} <= {urlsplit(live.address).netloc, ""}
+        assert shown.console == [] or not silent
+        assert {urlsplit(url).netloc for url in shown.requests} <= {urlsplit(live.address).netloc, ""}
 
 
 def publish(live: LivePage, dive: KnownDive, keys: int) -> None:
@@ -33,7 +33,7 @@ def publish(live: LivePage, dive: KnownDive, keys: int) -> None:
 
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.quick_cases(1)
-def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
+def test_the_page_shows_a_dive_and_an_alarm_when_lost(width: int) -> None:
     dive = KnownDive(per_scan=300)
     with LivePage() as live, opened(live, width) as shown:
         page = shown.page
@@ -63,7 +63,7 @@ def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
 
 
 @pytest.mark.slow
-def test_poses_move_clouds_and_nothing_is_sent_again() -> None:
+def test_new_poses_move_clouds_without_resending_them() -> None:
     with LivePage() as live, opened(live) as shown:
         page = shown.page
         spot = np.random.default_rng(0).normal(0, 0.2, (500, 3)) + np.array([3, 0, 0])
@@ -91,7 +91,7 @@ def test_poses_move_clouds_and_nothing_is_sent_again() -> None:
         assert page.evaluate("sonarmap.wire.messages") < 10
 
 
-def test_texts_are_never_markup() -> None:
+def test_alerts_are_not_interpreted_as_markup() -> None:
     evil = "<img src=x onerror=alert(1)>"
     with LivePage() as live, opened(live) as shown:
         live.publish(("state", State("placed", alerts=(evil,)).message))
@@ -101,7 +101,7 @@ def test_texts_are_never_markup() -> None:
 
 
 @pytest.mark.slow
-def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
+def test_the_page_shows_a_lost_server_and_reconnects() -> None:
     with LivePage() as live:
         port = urlsplit(live.address).port or 0
         browser = opened(live, silent=False)
@@ -118,6 +118,3 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
         browser.__exit__(None, None, None)
-
-
-SURE = (np.eye(3) * 0.1).tolist()

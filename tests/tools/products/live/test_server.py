@@ -1,4 +1,4 @@
-"""The server on the network: who gets the page, who is refused, and that nothing falls."""
+"""The live page's server: access, refusals, garbage, and slow browsers."""
 
 import json
 import os
@@ -47,13 +47,13 @@ def feed(
 ) -> Iterator[ClientConnection]:
     address = urlsplit(live.address)
     where = f"ws://127.0.0.1:{address.port}/feed?{address.query if query is None else query}"
-    own = Origin(origin or f"http://127.0.0.1:{address.port}")
-    with connect(where, origin=own, compression=None, max_queue=max_queue) as connection:
+    origin_header = Origin(origin or f"http://127.0.0.1:{address.port}")
+    with connect(where, origin=origin_header, compression=None, max_queue=max_queue) as connection:
         yield connection
 
 
 def drained(connection: ClientConnection) -> None:
-    """Read until the server ends it."""
+    """Read until the server closes the connection."""
     while True:
         connection.recv(5)
 
@@ -63,7 +63,7 @@ def still_serves(live: LivePage) -> bool:
         return json.loads(connection.recv(5))["alerts"] == ["here"]
 
 
-def test_the_page_has_a_strict_policy(live: LivePage) -> None:
+def test_the_page_has_a_strict_content_security_policy(live: LivePage) -> None:
     status, headers, text = answer(live)
     assert status == 200
     policy = headers["Content-Security-Policy"]
@@ -83,7 +83,7 @@ def test_another_host_is_refused(live: LivePage, host: str, path: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["/summary.json", "/../../etc/passwd", "/%2e%2e/etc/passwd"])
-def test_there_is_no_file(live: LivePage, path: str) -> None:
+def test_files_on_disk_are_not_served(live: LivePage, path: str) -> None:
     assert answer(live, path)[0] == 404
 
 
@@ -95,7 +95,7 @@ def test_another_origin_is_refused(live: LivePage, origin: str) -> None:
     assert still_serves(live)
 
 
-def test_beyond_this_machine_a_token_is_asked_for() -> None:
+def test_other_machines_need_a_token() -> None:
     with LivePage("0.0.0.0") as live:
         token = urlsplit(live.address).query
         live.publish(STATE)
@@ -110,7 +110,7 @@ def test_beyond_this_machine_a_token_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize("name", ["SHIP", "ship.local"])
-def test_who_has_the_token_may_use_any_name_of_this_computer(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_the_token_every_name_of_this_computer_works(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(socket, "gethostname", lambda: "Ship.example")
     with LivePage("0.0.0.0") as live, LivePage() as alone:
         parts = urlsplit(live.address)
@@ -120,9 +120,7 @@ def test_who_has_the_token_may_use_any_name_of_this_computer(name: str, monkeypa
         assert answer(alone, Host=name)[0] == 403
 
 
-def test_a_server_that_has_ended_begins_again_at_the_same_address(
-    live: LivePage, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_server_restarts_at_the_same_address(live: LivePage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "_AGAIN", 0.1)
     for _ in range(2):
         live._loop.call_soon_threadsafe(live._loop.stop)  # asyncio.run raises RuntimeError then
@@ -136,7 +134,7 @@ def test_a_server_that_has_ended_begins_again_at_the_same_address(
         assert still_serves(live)
 
 
-def test_garbage_is_refused_and_nothing_falls(live: LivePage, capfd: pytest.CaptureFixture[str]) -> None:
+def test_garbage_is_refused_and_the_server_survives(live: LivePage, capfd: pytest.CaptureFixture[str]) -> None:
     garbage = os.urandom(1_000_000)
     for sent, why in ((garbage, "."), ("hello", "1008")):
         with feed(live) as connection:
@@ -156,7 +154,7 @@ def test_garbage_is_refused_and_nothing_falls(live: LivePage, capfd: pytest.Capt
 
 
 @pytest.mark.slow
-def test_a_browser_that_reads_nothing_holds_nobody_up(live: LivePage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_browser_that_does_not_read_delays_nobody(live: LivePage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "_PATIENCE", 0.5)
     with feed(live, max_queue=1) as slow, feed(live) as quick:
         quick.recv(5)
@@ -175,7 +173,7 @@ def test_a_browser_that_reads_nothing_holds_nobody_up(live: LivePage, monkeypatc
     assert still_serves(live)
 
 
-def test_the_number_of_browsers_is_bounded(live: LivePage) -> None:
+def test_the_number_of_browsers_is_limited(live: LivePage) -> None:
     with ExitStack() as browsers:
         for _ in range(server.MOST_BROWSERS):
             browsers.enter_context(feed(live)).recv(5)
@@ -185,7 +183,7 @@ def test_the_number_of_browsers_is_bounded(live: LivePage) -> None:
     assert still_serves(live)
 
 
-def test_browsers_get_the_end_of_the_dive() -> None:
+def test_browsers_are_sent_the_end_of_the_dive() -> None:
     with ExitStack() as browsers:
         with LivePage() as live:
             connection = browsers.enter_context(feed(live))
@@ -195,7 +193,7 @@ def test_browsers_get_the_end_of_the_dive() -> None:
     assert json.loads(last)["status"] == "ended"
 
 
-def test_a_port_in_use_says_what_to_do(live: LivePage) -> None:
+def test_an_unusable_port_or_address_names_its_option(live: LivePage) -> None:
     port = urlsplit(live.address).port or 0
     with pytest.raises(InputError, match="--port"), LivePage(port=port):
         pass
@@ -203,7 +201,7 @@ def test_a_port_in_use_says_what_to_do(live: LivePage) -> None:
         pass
 
 
-def test_the_addresses_of_a_shared_page_are_numbers_that_reach_it() -> None:
+def test_a_shared_page_is_reached_at_its_numeric_addresses() -> None:
     with LivePage("0.0.0.0") as live:
         for address in live.addresses:
             parts = urlsplit(address)

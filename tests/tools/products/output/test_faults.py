@@ -1,4 +1,4 @@
-"""What is said of steps that are not sure, of transforms by hand, and of the input's files."""
+"""Warnings about uncertain pairs, transforms of ties, and the table of input files."""
 
 import hashlib
 from dataclasses import replace
@@ -31,7 +31,7 @@ def survey() -> SurveyResult:
 
 
 @pytest.mark.parametrize(
-    ("probability", "evidence", "across", "said"),
+    ("probability", "evidence", "across", "warned"),
     [
         (0.93, "", "refused", True),
         (0.93, "likely", "none", True),
@@ -39,10 +39,10 @@ def survey() -> SurveyResult:
         (0.97, "", "refused", False),
     ],
 )
-def test_a_step_that_is_not_sure_is_named_where_no_pair_beside_it_says_so(
-    probability: float, evidence: str, across: str, said: bool
+def test_an_uncertain_consecutive_pair_is_named_unless_another_pair_confirms_it(
+    probability: float, evidence: str, across: str, warned: bool
 ) -> None:
-    """As where two dives over beds of little relief meet in one folder."""
+    """As between two dives over beds of little relief in one folder."""
     result = survey()
 
     def changed(pair: Pair) -> list[Pair]:
@@ -60,14 +60,14 @@ def test_a_step_that_is_not_sure_is_named_where_no_pair_beside_it_says_so(
     pairs = tuple(new for pair in result.pairs for new in changed(pair))
     assert sum(pair.i <= 4 and pair.j >= 5 for pair in pairs) >= (1 if across == "none" else 4)
     sentences = [fault for fault in faults(replace(result, pairs=pairs), NAMES) if "are uncertain" in fault]
-    assert len(sentences) == said
-    if said:
+    assert len(sentences) == warned
+    if warned:
         assert sentences[0].startswith(
             "1 of 9 steps between consecutive scans, as between scan4 and scan5, are uncertain"
         )
 
 
-def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:
+def test_the_transform_of_a_tie_is_written_and_read_unchanged(tmp_path: Path) -> None:
     """Through summary.json and a file of ties."""
     R = Rotation.from_euler("ZYX", [40.0, -7.0, 3.0], degrees=True)
     T = RigidTransform.from_components([1.5, -2.25, 0.75], R)
@@ -85,7 +85,7 @@ def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:
     assert np.allclose(tie.given.covariance, covariance, rtol=1e-9)
 
 
-def test_names_start_at_the_folder_that_all_share_and_folders_are_taken_apart(tmp_path: Path) -> None:
+def test_input_names_start_at_the_common_folder_and_folders_list_their_files(tmp_path: Path) -> None:
     contents = {"dives/a/scan.ply": b"one", "dives/b/scan.ply": b"two", "bag/part.db3": b"three", "nav.csv": b""}
     for name, content in contents.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""graph.json: the whole graph, as it can be read again."""
+"""graph.json holds the whole graph and is read as written."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ NAMES = [f"scan{k}" for k in range(COUNT)]
 
 @pytest.fixture(scope="module")
 def result() -> SurveyResult:
-    """With priors of some kinds, a wrong one among them, odometry, loops, and a refused pair."""
+    """Survey with several kinds of priors, one of them wrong, odometry, loops, and a refused pair."""
     truth = ring_poses(COUNT)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -52,7 +52,7 @@ def path(result: SurveyResult, tmp_path: Path) -> Path:
     return tmp_path / "graph.json"
 
 
-def test_it_is_read_as_it_was(result: SurveyResult, path: Path) -> None:
+def test_the_graph_is_read_as_written(result: SurveyResult, path: Path) -> None:
     graph, read = result.solution.graph, read_graph_json(path)
     assert [(edge.i, edge.j, edge.kind) for edge in read.edges] == [(e.i, e.j, e.kind) for e in graph.edges]
     assert {edge.kind for edge in read.edges} == {"sequential", "odometry", "loop"}
@@ -61,20 +61,20 @@ def test_it_is_read_as_it_was(result: SurveyResult, path: Path) -> None:
     assert [pose for pose, _ in read.priors] == [pose for pose, _ in graph.priors]
     np.testing.assert_array_equal(read.priors[0][1].sigmas, graph.priors[0][1].sigmas)
     np.testing.assert_array_equal(read.trajectory.stamps, 100.0 + np.arange(COUNT))
-    # and optimized again it gives the map's poses
+    # optimizing it again gives the map's poses
     again = sonarmap.optimize(path, start="given").graph.trajectory.T_world_sensor
     ours = result.trajectory.T_world_sensor
     np.testing.assert_allclose(again.as_matrix(), ours.as_matrix(), atol=1e-6)
 
 
-def test_it_says_what_g2o_cannot(result: SurveyResult, path: Path) -> None:
+def test_graph_json_holds_what_g2o_cannot(result: SurveyResult, path: Path) -> None:
     content = json.loads(path.read_text())
     assert [pose["name"] for pose in content["poses"]] == NAMES
     assert all(pose["in_world"] and pose["key_scan"] for pose in content["poses"])
     (wrong,) = content["wrong_fixes"]
     assert (wrong["pose"], wrong["kind"], wrong["sigmas"]) == (6, "position", pytest.approx(70, abs=20))
     east, north, _ = np.array(content["poses"][6]["T_world_sensor"])[:3, 3]
-    assert np.hypot(wrong["place"][0] - east, wrong["place"][1] - north) > 10  # where it said that the sensor was
+    assert np.hypot(wrong["place"][0] - east, wrong["place"][1] - north) > 10  # where the fix placed the sensor
     (six,) = (prior for prior in content["priors"] if prior["pose"] == 6)
     assert six["sigmas"] == [0.01, 0.01, None, None, None, 0.1]
     verdicts = {(pair["target"], pair["source"]): pair for pair in content["pairs"]}
@@ -96,7 +96,7 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
         read_graph_json(tmp_path / "missing.json")
 
 
-def test_a_reason_of_another_type_is_text(path: Path, tmp_path: Path) -> None:
+def test_a_reason_of_another_type_is_read_as_text(path: Path, tmp_path: Path) -> None:
     content = json.loads(path.read_text())
     content["edges"][0]["reason"] = {"a": 1}
     (tmp_path / "graph.json").write_text(json.dumps(content))

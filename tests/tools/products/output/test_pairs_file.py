@@ -1,4 +1,4 @@
-"""pairs.csv: a row per pair, which is read as it was."""
+"""pairs.csv has a row for each pair and is read as written."""
 
 import csv
 from dataclasses import replace
@@ -22,15 +22,15 @@ COUNT = 50
 
 @pytest.fixture(scope="module")
 def pairs() -> list[Pair]:
-    """Kept, refused and failed ones, some of which turn by any angle; one kept for its alternative."""
+    """Kept, refused and failed pairs with rotations of any angle; one is kept by an alternative."""
     rng = np.random.default_rng(3)
     T = random_transforms(rng, COUNT, angle=2.0, length=1e3)
-    told = [registration(T[k], random_covariance(rng), accepted=k % 3 > 0) for k in range(COUNT)]
-    tried = [Pair(k, k + 1, "sequential", 0.1 * k, registration=told[k], reason="refused") for k in range(COUNT)]
-    tried[4] = replace(tried[4], edge=Edge(4, 5, told[7], "sequential"), reason="kept, by an alternative", agreeing=2)
-    tried[9] = Pair(9, 10, "bridge", failure="no", reason='failed: "a,\nb\udcff" is of no use')
+    measured = [registration(T[k], random_covariance(rng), accepted=k % 3 > 0) for k in range(COUNT)]
+    rows = [Pair(k, k + 1, "sequential", 0.1 * k, registration=measured[k], reason="refused") for k in range(COUNT)]
+    rows[4] = replace(rows[4], edge=Edge(4, 5, measured[7], "sequential"), reason="kept, by an alternative", agreeing=2)
+    rows[9] = Pair(9, 10, "bridge", failure="no", reason='failed: "a,\nb\udcff" is of no use')
     upright = RigidTransform.from_components([1, 2, 3], Rotation.from_euler("ZYX", [30, 90, 0], degrees=True))
-    return [*tried, Pair(0, 1, "sequential", 0.0, registration=registration(upright, np.eye(6)), reason="refused")]
+    return [*rows, Pair(0, 1, "sequential", 0.0, registration=registration(upright, np.eye(6)), reason="refused")]
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def path(pairs: list[Pair], tmp_path: Path) -> Path:
     return tmp_path / "pairs.csv"
 
 
-def test_it_is_read_as_it_was(pairs: list[Pair], path: Path) -> None:
+def test_pairs_are_read_as_written(pairs: list[Pair], path: Path) -> None:
     for pair, read in zip(pairs, read_pairs(path, COUNT + 1), strict=True):
         assert (read.target, read.source, read.role, read.kept) == (pair.i, pair.j, pair.role, pair.kept)
         measured = pair.edge.registration if pair.edge else pair.registration
@@ -51,7 +51,7 @@ def test_it_is_read_as_it_was(pairs: list[Pair], path: Path) -> None:
             np.testing.assert_allclose(read.T_target_source.as_matrix(), T.as_matrix(), atol=1e-14)
 
 
-def test_a_row_says_what_is_known(pairs: list[Pair], path: Path) -> None:
+def test_a_row_holds_the_known_values(pairs: list[Pair], path: Path) -> None:
     rows = table_of(path)
     with path.open(newline="", encoding="utf-8") as file:
         assert next(csv.reader(file)) == list(COLUMNS)
@@ -71,15 +71,15 @@ def test_a_row_says_what_is_known(pairs: list[Pair], path: Path) -> None:
 
 @pytest.mark.parametrize("covariance", [np.full((6, 6), np.nan)])
 @pytest.mark.filterwarnings("error")
-def test_a_covariance_that_is_none_has_no_sigmas(tmp_path: Path, covariance: np.ndarray) -> None:
-    """As that of a method of one's own may be, whose pair then fails."""
-    told = registration(RigidTransform.from_translation([1, 2, 3]), covariance)
-    write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop", registration=told, reason="failed")])
+def test_a_covariance_of_nan_has_no_sigmas(tmp_path: Path, covariance: np.ndarray) -> None:
+    """A user's own method may return one; its pair then fails."""
+    measured = registration(RigidTransform.from_translation([1, 2, 3]), covariance)
+    write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop", registration=measured, reason="failed")])
     (row,) = table_of(tmp_path / "pairs.csv")
     assert (row["x_m"], row["rotation_sigma_deg"], row["translation_sigma_m"]) == ("1.0", "", "")
 
 
-def test_no_pair_is_a_heading_alone_and_the_file_is_no_scan(path: Path) -> None:
+def test_without_pairs_only_the_heading_is_written_and_the_file_is_not_a_scan(path: Path) -> None:
     write_ply(path.parent / "scan.ply", np.eye(3))
     assert [scan.name for scan in read_scans([path.parent, str(path.parent / "*")]).scans] == ["scan"]
     for pairs in ([], [Pair(0, 1, "loop")]):

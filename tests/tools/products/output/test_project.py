@@ -1,4 +1,4 @@
-"""What the mapper's result becomes on disk: the maps' columns, the surveys' layers, and their picture."""
+"""The folder of a mapper's result: columns of the maps, layers of the surveys, and the picture."""
 
 import json
 from dataclasses import replace
@@ -27,7 +27,7 @@ RUN = SurveyRun([f"s{k}" for k in range(COUNT)])
 
 @pytest.fixture(scope="module")
 def mapped() -> tuple[list[Scan], SurveyResult]:
-    """Two rounds of a ring; each third loop is rejected."""
+    """Scans of two rounds of a ring, and their survey with every third loop refused."""
     truth = ring_poses(COUNT, turns=2)
     scans = scans_of(truth)
 
@@ -38,7 +38,7 @@ def mapped() -> tuple[list[Scan], SurveyResult]:
 
 
 def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> SurveyResult:
-    """The result, the second round another survey where there are `several`."""
+    """The result; with `several`, the second round is another survey."""
     scans, result = mapped
     surveys = [int(several and k >= COUNT // 2) for k in range(COUNT)]
     T, covariances = result.trajectory.T_world_sensor, result.covariances
@@ -48,7 +48,7 @@ def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> Survey
 
 @pytest.fixture(scope="module")
 def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What two surveys in one frame become."""
+    """Folder of two surveys in one frame."""
     out = tmp_path_factory.mktemp("out")
     write_survey(out, as_surveys(mapped, several=True), RUN)
     return out
@@ -63,7 +63,7 @@ def test_every_file_is_named_in_the_summary(folder: Path) -> None:
 
 
 def divided(folder: Path, suffix: str, doubtful: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """The columns of a map and of its map of all, which holds these points more."""
+    """Columns of a map and of its complete map, which must hold just these points more."""
     names = (f"map{suffix}.ply", f"map_all{suffix}.ply")
     clean, everything = (read_ply_columns((folder / name).read_bytes()) for name in names)
     assert set(everything) == set(clean) | {"looked", "doubtful"}
@@ -74,15 +74,15 @@ def divided(folder: Path, suffix: str, doubtful: np.ndarray) -> tuple[dict[str, 
 
 
 def without(whole: PointMap, count: int) -> tuple[np.ndarray, CleanMap]:
-    """Which points are doubtful, at least so many, and the map without them."""
+    """Mask of at least `count` doubtful points, and the map divided by it."""
     out = np.arange(len(whole.points)) % (len(whole.points) // count) == 2
     assert out.sum() >= count
     return out, CleanMap(replace(whole.take(~out), doubted=int(out.sum())), whole.take(out))
 
 
 @pytest.mark.slow
-def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], SurveyResult], tmp_path: Path) -> None:
-    """Five points of the map, put into its layer of doubtful ones."""
+def test_doubtful_points_are_in_the_complete_map(mapped: tuple[list[Scan], SurveyResult], tmp_path: Path) -> None:
+    """Five points of the map are made doubtful."""
     _, result = mapped
     (part,) = result.parts
     out, parted = without(part.optimized, 5)
@@ -94,20 +94,20 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
     assert component["map"]["seen_by_too_few"] == out.sum()
     assert component["map"]["points"] == len(clean["x"])
 
-    (tmp_path / "map_all_3.ply").write_text("mine")  # no file of the run before, as its summary says
+    (tmp_path / "map_all_3.ply").write_text("mine")  # not listed in the earlier run's summary
     write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), RUN)
     assert not (tmp_path / "map_all.ply").exists()
     assert (tmp_path / "map_all_3.ply").read_text() == "mine"
 
 
-def test_the_map_of_all_is_not_taken_for_a_scan(tmp_path: Path) -> None:
+def test_a_complete_map_among_the_scans_is_refused(tmp_path: Path) -> None:
     require_apart(tmp_path, [tmp_path / "all.ply", tmp_path / "map_all_scans.ply"])
     for name in ("map_all.ply", "map_all_2.ply", "map_all_survey_0.ply", "map_all_2_survey_10.ply"):
         with pytest.raises(InputError, match="is among the scans"):
             require_apart(tmp_path, [tmp_path / name])
 
 
-def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> None:
+def test_the_summary_has_crossing_errors_and_removed_points(folder: Path) -> None:
     summary = json.loads((folder / "summary.json").read_text())
     crossing = summary["crossing_error_m"]
     assert crossing["pairs"] > 0
@@ -127,12 +127,12 @@ def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> No
         ([(0, 3), (1, 2)], [0, 1], []),
     ],
 )
-def test_lone_scans_are_no_maps(components: list, maps: list[int], lone: list[int]) -> None:
+def test_components_of_one_scan_are_not_mapped(components: list, maps: list[int], lone: list[int]) -> None:
     assert placed(components) == maps
     assert unplaced(components) == lone
 
 
-def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -> None:
+def test_the_map_has_columns_of_count_sigma_scan_and_survey(folder: Path) -> None:
     import open3d
 
     whole, first, second = (
@@ -147,7 +147,7 @@ def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -
 
 
 @pytest.mark.slow
-def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
+def test_the_picture_is_reproducible_and_one_survey_has_no_layers(
     mapped: tuple[list[Scan], SurveyResult], folder: Path, tmp_path: Path
 ) -> None:
     write_survey(tmp_path, as_surveys(mapped, several=True), RUN)
@@ -155,4 +155,4 @@ def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
     assert picture.startswith(b"\x89PNG\r\n\x1a\n")
     assert picture == (folder / "map.png").read_bytes()
     write_survey(tmp_path, as_surveys(mapped, several=False), RUN)
-    assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
+    assert not list(tmp_path.glob("map_survey*"))  # those of the earlier run are removed

@@ -1,4 +1,4 @@
-"""A page in a real Chromium without a window, and all that it says and asks for meanwhile."""
+"""A page in Chromium without a window, with its console messages and requests."""
 
 import shutil
 import time
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # WebGL on the processor
 WITHOUT_WEBGL = ("--disable-3d-apis",)
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-_PATIENCE = 200.0  # for what is waited for [s]
+_PATIENCE = 200.0  # limit of wait_until [s]
 
 
 @dataclass
 class Opened:
     page: "Page"  # of the browser
-    said: list[str] = field(default_factory=list)  # what came to the console, and errors that nothing caught
-    asked: list[str] = field(default_factory=list)  # addresses that the page asked for
+    console: list[str] = field(default_factory=list)  # console messages and uncaught errors
+    requests: list[str] = field(default_factory=list)  # addresses that the page requested
 
 
 def wait_until(page: "Page", expression: str) -> None:
-    """Wait for a condition in the page, whose policy forbids the way in which Playwright itself would."""
+    """Wait for a condition in the page, whose policy forbids Playwright's own wait."""
     end = time.monotonic() + _PATIENCE
     while not page.evaluate(f"Boolean({expression})"):
         assert time.monotonic() < end, f"{expression} did not come true within {_PATIENCE:g} s"
@@ -36,12 +36,12 @@ def wait_until(page: "Page", expression: str) -> None:
 
 
 def seen_at(page: "Page", place: np.ndarray) -> list[float]:
-    """Where a place [m] is seen [pixels of the canvas]."""
+    """Canvas position [pixels] of a place [m]."""
     return page.evaluate("place => sonarmap.view.camera.project(place).slice(0, 2)", np.asarray(place).tolist())
 
 
 def click(page: "Page", place: np.ndarray) -> None:
-    """Click where a place [m] is seen."""
+    """Click on a place [m]."""
     x, y = seen_at(page, place)
     page.locator("#canvas").click(position={"x": x, "y": y})
 
@@ -50,14 +50,14 @@ def click(page: "Page", place: np.ndarray) -> None:
 def opened(
     path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", silent: bool = True, **context: str
 ) -> Iterator[Opened]:
-    """The page of a file, once it has shown what it has to show, and unless it is not `silent`, has said nothing.
+    """The page of a file, once it is drawn; at exit it must have logged nothing if `silent`.
 
     `script` runs before the page's own.
     """
     ready = "window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)"
     with browsed(path.resolve().as_uri(), ready, (1200, 800), flags, script, **context) as shown:
         yield shown
-        assert shown.said == [] or not silent
+        assert shown.console == [] or not silent
 
 
 @contextmanager
@@ -66,21 +66,21 @@ def browsed(
 ) -> Iterator[Opened]:
     """The page at an address, once the condition `ready` holds in it, in a window of this width and height.
 
-    Skips the test where there is no Chromium, or no Playwright to drive it.
+    Skips the test without Chromium or Playwright.
     """
-    own = started(flags).new_context(viewport={"width": size[0], "height": size[1]}, **context)
-    page = own.new_page()
+    session = started(flags).new_context(viewport={"width": size[0], "height": size[1]}, **context)
+    page = session.new_page()
     shown = Opened(page)
-    page.on("console", lambda message: shown.said.append(message.text))
-    page.on("pageerror", lambda error: shown.said.append(str(error)))
-    page.on("request", lambda request: shown.asked.append(request.url))
+    page.on("console", lambda message: shown.console.append(message.text))
+    page.on("pageerror", lambda error: shown.console.append(str(error)))
+    page.on("request", lambda request: shown.requests.append(request.url))
     page.add_init_script(script)
     try:
         page.goto(address)
         wait_until(page, ready)
         yield shown
     finally:
-        own.close()
+        session.close()
 
 
 _STARTED: "dict[tuple[str, ...], Browser]" = {}
@@ -88,7 +88,7 @@ _PLAYWRIGHT: "list[Playwright]" = []
 
 
 def started(flags: tuple[str, ...]) -> "Browser":
-    """A Chromium with these flags, which all tests share, each in a context of its own."""
+    """Chromium with these flags, shared by all tests; each test has its own context."""
     path = next((found for name in _NAMES if (found := shutil.which(name))), None)
     if path is None:
         pytest.skip("no Chromium is installed: apt-get install chromium")
@@ -101,7 +101,7 @@ def started(flags: tuple[str, ...]) -> "Browser":
 
 
 def end_browsers() -> None:
-    """All of them, and Playwright, beside whose event loop no other can run in this thread."""
+    """Close all browsers and Playwright, whose event loop would block any other in this thread."""
     while _STARTED:
         _STARTED.popitem()[1].close()
     while _PLAYWRIGHT:

@@ -1,4 +1,4 @@
-"""What the pages of all tests show."""
+"""The content of the tests' pages."""
 
 import pytest
 
@@ -8,5 +8,5 @@ from tests.tools.products.report.known_map import known_content
 
 @pytest.fixture(scope="package")
 def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    """A map of points that are known."""
+    """Content of a map of known points."""
     return known_content(tmp_path_factory.mktemp("known") / "out")

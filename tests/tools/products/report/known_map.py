@@ -1,4 +1,4 @@
-"""A map of points that are known, for pages, and decisions taken by hand on it."""
+"""A map of known points, its page, and the files that the page saves."""
 
 import csv
 import gzip
@@ -19,7 +19,7 @@ from tests.tools.products.report.browser import Opened
 VOXEL = 0.5
 QUANTUM = VOXEL / FRACTION
 A, B = np.array([1.2345, -2.3456, 0.789]), np.array([-6.54, 3.21, 2.1098])
-# so that a picture is one: a red dot
+# a valid picture: a red dot
 DOT = bytes.fromhex(
     "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de0000000c49444154789c63f8cfc0000003010100c9fe92ef"
     "0000000049454e44ae426082"
@@ -27,7 +27,7 @@ DOT = bytes.fromhex(
 
 
 def known_points() -> np.ndarray:
-    """A and B, and others about them, 2 m from each other."""
+    """Points (60, 3) [m]: A, B and others, more than 2 m from each other."""
     rng = np.random.default_rng(5)
     points = [A, B]
     while len(points) < 60:
@@ -38,7 +38,7 @@ def known_points() -> np.ndarray:
 
 
 def unpack(data: bytes, layout: dict[str, Any]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The twin of web/packed.js: the points (M, 3) [m] and their columns, in the order of the file."""
+    """Points (M, 3) [m] and their columns in the order of the file, as web/packed.js unpacks them."""
     tiles, sizes = layout["tiles"], layout["planes"]
     shape = 6 + sum(sizes.values()), sum(tile["count"] for tile in tiles)
     planes = np.frombuffer(gzip.decompress(data), np.uint8).reshape(shape).astype(np.uint32)
@@ -46,8 +46,8 @@ def unpack(data: bytes, layout: dict[str, Any]) -> tuple[np.ndarray, dict[str, n
     moved = (steps >> 1) ^ -(steps & 1)
     ends = np.cumsum([tile["count"] for tile in tiles])[:-1]
     points = [
-        np.array(tile["origin"]) + layout["quantum"] * np.cumsum(own, axis=1, dtype=np.uint16).T
-        for tile, own in zip(tiles, np.split(moved, ends, axis=1), strict=False)
+        np.array(tile["origin"]) + layout["quantum"] * np.cumsum(differences, axis=1, dtype=np.uint16).T
+        for tile, differences in zip(tiles, np.split(moved, ends, axis=1), strict=False)
     ]
     columns, at = {}, 6
     for name, size in sizes.items():
@@ -57,7 +57,7 @@ def unpack(data: bytes, layout: dict[str, Any]) -> tuple[np.ndarray, dict[str, n
 
 
 def folder_of(points: np.ndarray, out: Path) -> Map:
-    """A map of a ring of scans, with other points, each seen mostly by scan k % 8."""
+    """Map of a ring of scans with these points; point k belongs to scan k % 8."""
     folder = read_map_folder(finished_map(out))
     k = np.arange(len(points))
     columns = {
@@ -78,7 +78,7 @@ def written(content: Content, path: Path) -> Path:
 
 
 def known_content(out: Path) -> Content:
-    """Of the known points, with two pictures."""
+    """Page content of the known points, with two pictures."""
     return replace(content_of(folder_of(known_points(), out)), pictures={"map.png": DOT, "map_2.png": DOT})
 
 

@@ -1,4 +1,4 @@
-"""What a page says: its third coordinate, provenance, command, and verdict."""
+"""Content of the page: heights and depths, the command, and the verdict."""
 
 import shlex
 from pathlib import Path
@@ -19,11 +19,11 @@ HEIGHT = "height over the first scan"
     ("here", "label", "zero"),
     [
         (None, HEIGHT, None),
-        (Georeference(60.0, 5.0), HEIGHT, None),  # on the Earth, but nothing says how high
+        (Georeference(60.0, 5.0), HEIGHT, None),  # no height reference
         (Georeference(60.0, 5.0, -4.5, "MSL"), "depth below mean sea level", 4.5),
     ],
 )
-def test_depths_and_heights(tmp_path: Path, here: Georeference | None, label: str, zero: float | None) -> None:
+def test_depths_need_a_datum(tmp_path: Path, here: Georeference | None, label: str, zero: float | None) -> None:
     (part,) = content_of(read_map_folder(finished_map(tmp_path, georeference=here))).shown["parts"]
     assert (part["height"]["label"], part["height"]["zero"]) == (label, zero)
     assert part["on_earth"] == (here is not None)
@@ -33,23 +33,23 @@ def test_depths_and_heights(tmp_path: Path, here: Georeference | None, label: st
 MAPPER = {"loops": {"per_scan": 2}, "limits": {"speed": None, "turn_rate": None, "step": None}, "min_seen": 2}
 
 
-def words(settings: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """The options behind `sonarmap map`, and the inputs, as a shell divides them."""
+def command_words(settings: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """Options after `sonarmap map`, and the inputs, as a shell splits them."""
     command = map_command(settings)
     options = shlex.split(command["options"])
     assert options[:2] == ["sonarmap", "map"]
     return options[2:], shlex.split(command["inputs"])
 
 
-def test_inputs_are_quoted_and_no_options() -> None:
+def test_inputs_are_quoted_and_not_taken_for_options() -> None:
     paths = ["a b.ply", "it's.ply", 'say "x".ply', "$HOME.ply", "new\nline.ply", "`x`;rm *.ply", "grün.ply", "scans/"]
-    assert words({"inputs": paths}) == ([], paths)
-    assert words({"inputs": "-x.ply"}) == ([], ["./-x.ply"])
+    assert command_words({"inputs": paths}) == ([], paths)
+    assert command_words({"inputs": "-x.ply"}) == ([], ["./-x.ply"])
 
 
-def test_options_that_were_given_are_given_again_and_the_grid_is_as_it_was() -> None:
+def test_the_command_repeats_the_given_options_and_the_grid() -> None:
     grid = {"inputs": [], "method": "icp", "grid": {"edge": 64, "voxel": 0.1 + 0.2}, "mapper": MAPPER}
-    assert words(grid)[0] == ["--method", "icp", "--grid", "64", "--voxel", "0.30000000000000004"]
+    assert command_words(grid)[0] == ["--method", "icp", "--grid", "64", "--voxel", "0.30000000000000004"]
     settings = {
         "priors": "nav log.csv",
         "nav_offset": "-1.5",
@@ -60,15 +60,15 @@ def test_options_that_were_given_are_given_again_and_the_grid_is_as_it_was() -> 
         | {"loops": {"per_scan": 5}, "keys": {"step": 0.5}, "min_seen": 1}
         | {"limits": {"speed": 1.5, "turn_rate": 0.5235987755982988, "step": None}},
     }
-    assert words(settings)[0] == [
+    assert command_words(settings)[0] == [
         *("--priors", "nav log.csv", "--nav-offset=-1.5", "--sound-speed", "1487.5", "--loops", "5"),
         *("--max-speed", "1.5", "--max-turn-rate", "30.0", "--set", "keys.step=0.5"),
         *("--set", "min_seen=1"),
     ]
 
 
-def test_the_origin_is_said_again_where_no_navigation_does() -> None:
-    """As control points are in meters from it."""
+def test_the_command_repeats_the_origin_without_navigation() -> None:
+    """Control points are in meters from the origin."""
     here = Georeference(-33.5, 151.25, 4.5, "MSL", 45.0)
     options = shlex.split(map_command({"inputs": []}, here)["options"])
     assert options[2:] == ["--origin=-33.5,151.25,4.5", "--vertical", "MSL", "--origin-heading", "45.0"]
@@ -82,7 +82,7 @@ WELL: dict[str, Any] = {"map": {"seen_by_two_or_more": 0.8}, "scans": list(range
 
 
 def summary(**changes: Any) -> dict[str, Any]:
-    """Of nine scans in one map, all well."""
+    """Summary of nine scans in one map, without faults."""
     return {
         "unplaced": [],
         "components": [WELL],
@@ -94,7 +94,7 @@ def summary(**changes: Any) -> dict[str, Any]:
     } | changes
 
 
-def test_navigation_that_tells_too_little_or_is_wrong_is_in_the_first_sentence() -> None:
+def test_incomplete_or_wrong_navigation_is_in_the_first_sentence() -> None:
     unknown = WELL | {"unmeasured": ["tilt_x", "tilt_y", "heading"]}
     start = "All 9 scans lie in one map, whose tilt is not known: navigation does not determine it; 2 of 3"
     assert verdict(summary(components=[unknown]), NAMES)["sentence"].startswith(start)
@@ -115,7 +115,7 @@ def test_navigation_that_tells_too_little_or_is_wrong_is_in_the_first_sentence()
         ({"components": [WELL | {"map": {"seen_by_two_or_more": 0.2}}]}, "Only 20% of the map was seen by more"),
     ],
 )
-def test_concerns(changes: dict[str, Any], concern: str) -> None:
+def test_each_fault_is_a_concern(changes: dict[str, Any], concern: str) -> None:
     assert verdict(summary(), NAMES)["concerns"] == []
-    (said,) = verdict(summary(**changes), NAMES)["concerns"]
-    assert said.startswith(concern)
+    (text,) = verdict(summary(**changes), NAMES)["concerns"]
+    assert text.startswith(concern)

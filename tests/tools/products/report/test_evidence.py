@@ -1,4 +1,4 @@
-"""What the page says of poses and of decisions by hand, against numbers by hand."""
+"""The page's rows of poses, navigation, ties and control points, against hand-computed numbers."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +24,7 @@ from tests.tools.products.report.known_map import folder_of, known_points
 
 
 def test_an_ellipsoid_is_turned_with_its_pose() -> None:
-    """Sure to 1 cm ahead, 2 to the left and 5 up; turned by 90 degrees about Up, ahead is North."""
+    """Sigmas of 1 cm ahead, 2 cm to the left and 5 cm up; at a yaw of 90 degrees, ahead is North."""
     covariance = np.diag([1.0, 1.0, 1.0, 0.01**2, 0.02**2, 0.05**2])
     T = RigidTransform.from_components([[3.0, -4.0, 5.0]], Rotation.from_euler("z", [90.0], degrees=True))
     none = np.zeros((0, 3))
@@ -48,8 +48,8 @@ def prior(pose: int, T: RigidTransform, sigmas: list[float | None]) -> dict[str,
     return {"pose": pose, "T_world_sensor": T.as_matrix().tolist(), "sigmas": sigmas}
 
 
-def test_distances_from_navigation() -> None:
-    """Mapped 0.3 m to the East and turned by 2 degrees across South; the depth was not measured."""
+def test_navigation_rows_have_differences_and_sigmas() -> None:
+    """Mapped 0.3 m east of the fix, with headings 2 degrees apart across South; no depth was measured."""
     mapped = RigidTransform.from_components([10.3, 20.0, -7.0], Rotation.from_euler("ZYX", [-179, 3, 1], degrees=True))
     measured = RigidTransform.from_components([10.0, 20.5, 0.0], Rotation.from_euler("ZYX", [179, 1, 2], degrees=True))
     degree = float(np.radians(1.0))
@@ -84,7 +84,7 @@ def folder(tmp_path: Path) -> Map:
     return folder_of(known_points(), tmp_path / "out")
 
 
-def test_ties_of_names_and_of_numbers() -> None:
+def test_ties_with_names_or_numbers_of_scans() -> None:
     ties: list[dict[str, Any]] = [
         {"target": "scan1", "source": "scan4", "verdict": "reject", "note": "why", "effect": "left out"},
         {"target": 0, "source": 7, "verdict": "add", "x_m": 1.5, "sigma_deg": 2, "y_m": None},
@@ -96,7 +96,7 @@ def test_ties_of_names_and_of_numbers() -> None:
     assert tie_rows({}, NAMES) == tie_rows({"ties": None}, NAMES) == []
 
 
-def test_a_control_point_counts_in_the_world_where_others_do_not_contradict_it(folder: Map) -> None:
+def test_a_control_point_counts_in_the_world_unless_left_out(folder: Map) -> None:
     part = folder.parts[0]
     for in_world in (True, False):
         (row,) = control_rows({"control_points": [POINT]}, [replace(part, in_world=in_world)], NAMES)
@@ -110,7 +110,7 @@ def test_a_control_point_counts_in_the_world_where_others_do_not_contradict_it(f
     assert [(row["counted"], row["left_out"]) for row in rows] == [(False, True), (True, False)]
 
 
-def test_the_key_tells_maps_apart(folder: Map) -> None:
+def test_the_map_key_differs_between_maps(folder: Map) -> None:
     summary = dict(folder.summary)
     key = map_key(summary, NAMES)
     assert key == map_key(summary | {"files": ["another"]}, NAMES)
@@ -119,8 +119,8 @@ def test_the_key_tells_maps_apart(folder: Map) -> None:
     assert len({key, map_key(summary, NAMES[::-1]), *others}) == 5
 
 
-def test_pairs_and_crossings() -> None:
-    """Every loop, and of consecutive pairs those that were not kept."""
+def test_rows_of_pairs_and_crossings() -> None:
+    """Rows of pairs are every loop, and the consecutive pairs that were not kept."""
     common = {"reason": "why", "overlap": 0.123456, "probability": None}
     pairs = [
         {"target": 0, "source": 1, "role": "sequential", "kept": True, **common},

@@ -1,4 +1,4 @@
-"""What a click adds to a page in a real Chromium, and how its points are packed."""
+"""Optional layers of the page in Chromium, and the packing of points."""
 
 import gzip
 from collections.abc import Iterator
@@ -21,11 +21,11 @@ from sonarmap.tools.products.report.points import FRACTION, TILE, codes, doubtfu
 from tests.tools.products.report.browser import Opened, click, opened, wait_until
 from tests.tools.products.report.known_map import QUANTUM, A, B, folder_of, known_points, unpack, written
 
-SHIFT = np.array([0.75, -1.5, 0.25])  # of the track, by the loops
+SHIFT = np.array([0.75, -1.5, 0.25])  # of the track before the loops [m]
 
 
-def doubted(out: Path, count: int = 2, **spoiled: Any) -> Map:
-    """A map of A and others that left out B, and as many points below as make `count`; and moved its track by loops."""
+def with_doubtful_points(out: Path, count: int = 2, **spoiled: Any) -> Map:
+    """Map with `count` doubtful points, B and others below the map; its track before the loops is off by SHIFT."""
     clean = np.delete(known_points(), 1, axis=0)
     folder = folder_of(clean, out)
     below = np.column_stack([np.linspace(-12, 14, count - 1), np.full(count - 1, -9.0), np.full(count - 1, -7.5)])
@@ -49,12 +49,12 @@ def doubted(out: Path, count: int = 2, **spoiled: Any) -> Map:
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
     out = tmp_path_factory.mktemp("doubted") / "out"
-    with opened(written(content_of(doubted(out)), out / "report.html")) as page:
+    with opened(written(content_of(with_doubtful_points(out)), out / "report.html")) as page:
         yield page
 
 
 @pytest.mark.slow
-def test_false_echoes_are_shown_and_picked_when_asked(shown: Opened) -> None:
+def test_false_echoes_are_shown_and_picked_on_request(shown: Opened) -> None:
     page = shown.page
     view = "sonarmap.view"
     page.evaluate(f"Object.assign({view}.shown, {{track: false, kept: false}}); {view}.camera.fromAbove()")
@@ -75,16 +75,16 @@ def test_false_echoes_are_shown_and_picked_when_asked(shown: Opened) -> None:
     page.evaluate(f"{view}.leave(); Object.assign({view}.shown, {{track: true, kept: true}})")
 
 
-def test_maps_without_doubtful_points_and_damaged_ones(tmp_path: Path) -> None:
-    """None were asked for, or there are none, or the file is not this map's; a damaged file is refused by its name."""
-    folder = doubted(tmp_path / "out", doubtful=np.zeros(61, np.uint8))
+def test_doubtful_points_may_be_missing_but_not_damaged(tmp_path: Path) -> None:
+    """Without doubtful points, an entry in the summary or the file, there is no layer; a damaged file is named."""
+    folder = with_doubtful_points(tmp_path / "out", doubtful=np.zeros(61, np.uint8))
     part = folder.parts[0]
     none = (None, None)
     assert doubtful_of(folder, part) == none
     assert doubtful_of(replace(folder, summary=dict(folder.summary) | {"files": []}), part) == none
     (folder.path / "map_all.ply").unlink()
     assert doubtful_of(folder, part) == none
-    folder = doubted(tmp_path / "damaged", scan=np.full(61, 99))
+    folder = with_doubtful_points(tmp_path / "damaged", scan=np.full(61, 99))
     whole = (folder.path / "map_all.ply").read_bytes()
     for spoiled in (whole, whole[:300], whole[:-5], b"", whole.replace(b"looked", b"loaked")):
         (folder.path / "map_all.ply").write_bytes(spoiled)
@@ -97,7 +97,7 @@ FINE = VOXEL / FRACTION
 
 
 def surface(count: int, seed: int = 4) -> np.ndarray:
-    """One point for each voxel of a wavy bed, ragged within the voxel, far from the origin."""
+    """One random point in each voxel of a wavy bed, far from the origin."""
     rng = np.random.default_rng(seed)
     side = int(np.sqrt(count))
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(side), np.arange(side), indexing="ij"))
@@ -105,7 +105,7 @@ def surface(count: int, seed: int = 4) -> np.ndarray:
     return np.array([480_000.0, -1_200.0, -35.0]) + VOXEL * (np.column_stack([x, y, z]) + rng.random((side * side, 3)))
 
 
-def test_points_come_back_within_half_a_quantum_with_their_columns() -> None:
+def test_points_are_unpacked_within_half_a_quantum_with_their_columns() -> None:
     points = surface(20_000)
     rng = np.random.default_rng(1)
     columns = {"seen": rng.integers(0, 256, len(points)), "scan": rng.integers(0, 70_000, len(points))}
@@ -114,25 +114,25 @@ def test_points_come_back_within_half_a_quantum_with_their_columns() -> None:
     off, which = KDTree(points).query(back)
     np.testing.assert_array_equal(np.sort(which), np.arange(len(points)))
     assert np.abs(back - points[which]).max() <= FINE / 2 + 1e-9
-    assert off.max() > FINE / 4  # or the test would have nothing to find
+    assert off.max() > FINE / 4  # quantization does change the points
     assert layout["planes"] == {"seen": 1, "scan": 3}
     for name, values in columns.items():
         np.testing.assert_array_equal(same[name], values[which])
 
 
-def test_by_hand() -> None:
-    """Two points a tile apart, and what the bytes of their first differences are."""
+def test_packed_bytes_equal_hand_computed_ones() -> None:
+    """Points in two tiles, and the bytes of their differences."""
     points = np.array([[0.0, 0.0, 0.0], [3 * FINE, 0.0, 300 * FINE], [TILE * FINE, 0.0, 0.0]])
     data, layout = pack(points, {}, VOXEL)
     assert [tile["count"] for tile in layout["tiles"]] == [2, 1]
     assert layout["tiles"][1]["origin"] == [TILE * FINE, 0.0, 0.0]
-    # forth by 3 is 6, by 300 is 600 = 2 * 256 + 88
+    # zigzag code: +3 is 6, +300 is 600 = 2 * 256 + 88
     assert gzip.decompress(data) == bytes([0, 6, 0, 0, 0, 0, *[0] * 6, 0, 88, 0, 0, 2, 0])
     np.testing.assert_allclose(unpack(data, layout)[0], points, atol=1e-12)
 
 
-def test_codes_of_numbers_in_equal_ratios() -> None:
-    """From 2 to 32, the geometric mean 8 is in the middle; what is not positive or not known has none."""
+def test_codes_are_logarithmic() -> None:
+    """From 2 to 32 the geometric mean 8 is in the middle; values that are not positive and finite have code 0."""
     values, (low, high) = codes(np.array([2.0, 8.0, 32.0, 0.0, np.nan, -1.0, np.inf]))
     assert values.tolist() == [1, 128, 255, 0, 0, 0, 0]
     assert (low, high) == (2.0, 32.0)
@@ -140,8 +140,8 @@ def test_codes_of_numbers_in_equal_ratios() -> None:
     assert codes(np.array([5.0, 5.0]))[0].tolist() == [1, 1]
 
 
-def test_a_surface_takes_few_bytes_and_always_the_same() -> None:
-    """Three a point for its place: six bits an axis within the voxel, and little for which voxel it is."""
+def test_packing_a_surface_is_compact_and_reproducible() -> None:
+    """About three bytes a point: six bits an axis within the voxel, and little for the voxel itself."""
     points = surface(60_000)
     data, layout = pack(points, {}, VOXEL)
     assert len(data) / len(points) < 3.3
@@ -149,7 +149,7 @@ def test_a_surface_takes_few_bytes_and_always_the_same() -> None:
 
 
 def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
-    folder = doubted(tmp_path / "out", 100)
+    folder = with_doubtful_points(tmp_path / "out", 100)
     with patch("sonarmap.tools.products.report.points.MOST_DOUBTFUL", 30):
         data, shown = doubtful_of(folder, folder.parts[0])
     assert data is not None
@@ -160,7 +160,7 @@ def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
+def test_the_profile_shows_the_numbers_of_a_pose_and_selects_its_scan(shown: Opened) -> None:
     """By the mouse over the last pose, and by keys."""
     page = shown.page
     svg = page.locator("#poses svg")
@@ -168,19 +168,19 @@ def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
     box = svg.bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + 0.99 * box["width"], box["y"] + 40)
-    said = page.locator("#poses .said")
+    readout = page.locator("#poses .said")
     track = page.evaluate("sonarmap.view.part.track")
     along = np.linalg.norm(np.diff(track["places"], axis=0), axis=1).sum()
     for words in ("scan7", f"{along:.1f}\u202fm along", "worst direction"):
-        assert words in said.inner_text()
+        assert words in readout.inner_text()
     svg.press("ArrowLeft")
-    assert said.inner_text().startswith("scan6;")
+    assert readout.inner_text().startswith("scan6;")
     svg.press("Enter")
     assert "scan6" in page.locator("#picked").inner_text()
     np.testing.assert_allclose(page.evaluate("sonarmap.view.camera.target"), track["places"][6])
 
 
-def test_the_track_before_the_loops(shown: Opened) -> None:
+def test_the_track_before_the_loops_is_shown_on_request(shown: Opened) -> None:
     page = shown.page
     count = "sonarmap.view.scene.lines.get('before').count"
     assert page.evaluate(count) == 0

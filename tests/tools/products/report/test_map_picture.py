@@ -1,4 +1,4 @@
-"""The picture of a map: its words, colors and track, and what its coordinates and depths count from."""
+"""The picture of a map: labels, extent, colors, and reproducible bytes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
 
 @pytest.fixture(scope="module")
 def mapped() -> SurveyResult:
-    """Five scans in a ring, and three that nothing joins to them."""
+    """Survey of five scans in a ring, and three that no pair joins to them."""
     truth = ring_poses(COUNT, radius=4.0)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -37,7 +37,7 @@ def mapped() -> SurveyResult:
 
 
 def measured(result: SurveyResult, *unmeasured: str, part: int = 0) -> SurveyResult:
-    """As if instruments had measured all of a part but these."""
+    """The result as if instruments had measured a part in all directions but the `unmeasured`."""
     members = result.components[part]
     free = np.array([name in unmeasured for name in MEASURED])
     gauge = SimpleNamespace(unmeasured={members[0]: free} if unmeasured else {})
@@ -46,14 +46,14 @@ def measured(result: SurveyResult, *unmeasured: str, part: int = 0) -> SurveyRes
     return replace(result, solution=solution)
 
 
-def words(figure: Figure) -> tuple[str, str, str]:
-    """What is across, what the colors are, and where the origin is."""
+def labels(figure: Figure) -> tuple[str, str, str]:
+    """Labels of the x axis, of the color bar, and of the origin."""
     axes, bar = figure.axes
     return axes.get_xlabel(), bar.get_ylabel(), figure.get_supxlabel()
 
 
 def with_points(result: SurveyResult, points: np.ndarray) -> SurveyResult:
-    """The first map with these points."""
+    """The result with these points in its first map."""
     n = len(points)
     columns: dict[str, Any] = {name: np.ones(n, np.int32) for name in ("scan", "seen", "count", "survey")}
     point_map = replace(result.maps[0], points=points, sigma=np.ones(n, np.float32), strength=None, looked=None)
@@ -71,7 +71,7 @@ def with_points(result: SurveyResult, points: np.ndarray) -> SurveyResult:
         (None, replace(HERE, heading=40.0), "x [m]", "depth below mean sea level [m]", "and x points to 40°"),
     ],
 )
-def test_what_coordinates_and_colors_count_from(
+def test_labels_name_the_axis_the_depth_reference_and_the_origin(
     mapped: SurveyResult,
     missing: tuple[str, ...] | None,
     here: Georeference | None,
@@ -80,14 +80,14 @@ def test_what_coordinates_and_colors_count_from(
     origin: str,
 ) -> None:
     result = mapped if missing is None else measured(mapped, *missing)
-    said = words(map_figure(result, 1, INPUTS, here))
-    assert (said[:2], origin in said[2]) == ((across, levels), True)
-    assert bool(said[2]) == (here is not None)
-    other = words(map_figure(result, 2, INPUTS, here))
-    assert other == ("x [m]", "height relative to the first scan [m]", "")  # nothing places the other part
+    first = labels(map_figure(result, 1, INPUTS, here))
+    assert (first[:2], origin in first[2]) == ((across, levels), True)
+    assert bool(first[2]) == (here is not None)
+    second = labels(map_figure(result, 2, INPUTS, here))
+    assert second == ("x [m]", "height relative to the first scan [m]", "")  # the second part is not placed
 
 
-def test_the_image_lies_where_its_points_do_and_the_deep_is_dark(mapped: SurveyResult) -> None:
+def test_the_image_covers_its_points_and_deep_is_dark(mapped: SurveyResult) -> None:
     """A slope from z = -30 to -10 along x, a pillar at (20, 5), and a stray."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0, 30, 0.5), np.arange(0, 15, 0.5)))
     pillar, stray = [[20.0, 5.0, -4.0]], [[400.0, 300.0, -20.0]]
@@ -102,14 +102,14 @@ def test_the_image_lies_where_its_points_do_and_the_deep_is_dark(mapped: SurveyR
     rows, columns = np.nonzero(depths == depths.min())
     shares = (np.column_stack([columns, rows]) + 0.5) / depths.shape[::-1]
     places = [left, lower] + shares * [right - left, upper - lower]
-    assert depths.min() == pytest.approx(2.0)  # a depth of 4 below an origin that is 2 m up
+    assert depths.min() == pytest.approx(2.0)  # z = -4 m from an origin at a height of 2 m
     assert places.mean(axis=0) == pytest.approx([20, 5], abs=0.5)
     lightness = [image.cmap(image.norm(depth))[:3] @ np.array([0.3, 0.6, 0.1]) for depth in (26, 18, 10)]
     assert lightness[0] < lightness[1] - 0.1 < lightness[2] - 0.2
     assert bar.get_ylim()[0] > bar.get_ylim()[1]  # depths grow downward
 
 
-def test_the_same_map_gives_the_same_file_with_names_in_any_script(mapped: SurveyResult, tmp_path: Path) -> None:
+def test_the_picture_is_reproducible_with_names_in_any_script(mapped: SurveyResult, tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         draw_map(tmp_path / name, mapped, 1, ["深 \\$x^ \n\udcff"])
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

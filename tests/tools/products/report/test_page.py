@@ -1,4 +1,4 @@
-"""The page's file, and pages of unlike maps in a real Chromium."""
+"""The page's file, and pages of damaged, hostile and divided maps in Chromium."""
 
 import json
 import re
@@ -26,7 +26,7 @@ from tests.tools.products.report.known_map import DOT, folder_of, known_points, 
 WEB = ROOT / "tools" / "products" / "report" / "web"
 
 
-def test_only_what_the_policy_names_may_run_and_no_other_address_is_named(content: Content) -> None:
+def test_the_policy_allows_only_the_embedded_script_and_style(content: Content) -> None:
     text = report_text(content)
     for tag, policy in (("style", "style-src"), ('script type="module"', "script-src")):
         (inside,) = re.findall(rf"<{tag}>(.*?)</{tag.split()[0]}>", text, re.DOTALL)
@@ -34,10 +34,10 @@ def test_only_what_the_policy_names_may_run_and_no_other_address_is_named(conten
         assert f"{policy} 'sha256-{digest}'" in text
     assert "default-src 'none'" in text
     addresses = set(re.findall(r"(?:https?|ftp|wss?):?//[^\s\"'`)]+", text))
-    assert addresses == {"http://www.w3.org/2000/svg"}  # a name, which nothing fetches
+    assert addresses == {"http://www.w3.org/2000/svg"}  # an XML namespace, never fetched
 
 
-def test_what_is_embedded_comes_back(content: Content) -> None:
+def test_embedded_content_and_points_are_read_back(content: Content) -> None:
     names = ["<b>&amp;", "</script>", "深 \udcff", "\u2028"]
     text = report_text(replace(content, shown=content.shown | {"names": names, "title": "</title><b>\udcff"}))
     assert text.count("<b>") == 0
@@ -48,14 +48,14 @@ def test_what_is_embedded_comes_back(content: Content) -> None:
     assert unescape(re.findall("<title>(.*)</title>", text)[0]) == r"</title><b>\udcff"
 
 
-def test_no_script_makes_markup_of_texts() -> None:
+def test_scripts_never_turn_text_into_markup() -> None:
     assert {path.relative_to(WEB).as_posix() for path in WEB.rglob("*.js")} == set(SCRIPTS)
     for name in SCRIPTS:
         script = (WEB / name).read_text()
         assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", script)
 
 
-def test_it_is_listed_so_that_the_next_map_removes_it(tmp_path: Path) -> None:
+def test_the_page_is_listed_and_removed_by_the_next_map(tmp_path: Path) -> None:
     out = finished_map(tmp_path)
     before = json.loads((out / SUMMARY).read_text())
     for _ in range(2):
@@ -82,7 +82,7 @@ SPOILED: tuple[Any, ...] = (None, -1, 1e400, "x", [], {}, True, [None], "</scrip
 
 
 def spoil(value: Any, rng: np.random.Generator) -> None:
-    """Replace or drop one value, wherever it is, in place."""
+    """Replace or delete one random value of a JSON document, in place."""
     while True:
         keys = list(value) if isinstance(value, dict) else range(len(value))
         key = keys[rng.integers(len(keys))]
@@ -98,14 +98,14 @@ def spoil(value: Any, rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("seed", [pytest.param(1, id="quick"), pytest.param(2, id="slow", marks=pytest.mark.slow)])
-def test_damaged_folders_end_in_words(tmp_path: Path, seed: int) -> None:
-    """Whatever summary.json and graph.json say: a page, or an error that names the file."""
+def test_a_damaged_folder_gives_a_page_or_an_error_that_names_the_file(tmp_path: Path, seed: int) -> None:
+    """Random values of summary.json and graph.json are replaced or deleted."""
     out = finished_map(tmp_path / "out")
     whole = {name: json.loads((out / name).read_text()) for name in (SUMMARY, FULL_GRAPH)}
-    whole[SUMMARY] |= DECIDED | {"checksums": {}}  # without which no damage of graph.json goes further
+    whole[SUMMARY] |= DECIDED | {"checksums": {}}  # checksums would refuse any damage of graph.json
     rng = np.random.default_rng(seed)
     outcomes = {"page": 0, "error": 0}
-    said: set[str] = set()
+    messages: set[str] = set()
     for _ in range(30 if seed == 1 else 600):
         name = (SUMMARY, FULL_GRAPH)[rng.integers(2)]
         damaged = json.loads(json.dumps(whole[name]))
@@ -117,10 +117,10 @@ def test_damaged_folders_end_in_words(tmp_path: Path, seed: int) -> None:
             assert page.count("</script>") == 4
             outcomes["page"] += 1
         except InputError as error:
-            said.add(str(error).split("(")[0])
+            messages.add(str(error).split("(")[0])
             outcomes["error"] += 1
     assert min(outcomes.values()) > 3, outcomes
-    assert not [words for words in said if str(out) not in words and "origin" not in words]
+    assert not [words for words in messages if str(out) not in words and "origin" not in words]
 
 
 HOSTILE = (
@@ -130,7 +130,7 @@ HOSTILE = (
 )
 
 
-def test_pictures_and_a_sentence_without_webgl(content: Content, tmp_path: Path) -> None:
+def test_without_webgl_the_page_shows_pictures_and_a_notice(content: Content, tmp_path: Path) -> None:
     with opened(written(content, tmp_path / "report.html"), WITHOUT_WEBGL) as plain:
         assert re.search("cannot be shown.*pictures", plain.page.locator("#map .notice").inner_text())
         assert plain.page.locator("#map img").count() == 2
@@ -140,7 +140,7 @@ def test_pictures_and_a_sentence_without_webgl(content: Content, tmp_path: Path)
 
 
 def test_texts_from_files_are_never_markup(tmp_path: Path) -> None:
-    """Names of scans, of files and reasons may hold anything: they are shown as they are, and nothing of them runs."""
+    """Hostile names of scans and files, settings and reasons are shown as they are, and never run."""
     folder = folder_of(known_points(), tmp_path / "out")
     names = tuple(HOSTILE[k % 3] + str(k) for k in range(8))
     graph = dict(folder.graph) | {"pairs": [pair | {"reason": HOSTILE[1]} for pair in folder.graph["pairs"]]}

@@ -1,4 +1,4 @@
-"""The map in 3D in a real Chromium: it opens without a word, and measures and picks what is known."""
+"""The map in 3D in Chromium: opening, measuring, picking, and keys."""
 
 from base64 import b64encode
 from collections.abc import Iterator
@@ -16,26 +16,25 @@ from tests.tools.products.report.known_map import QUANTUM, VOXEL, A, B, known_po
 
 @pytest.fixture(scope="module")
 def shown(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    """The page of the known points, without lines over them."""
+    """The page of the known points."""
     with opened(written(content, tmp_path_factory.mktemp("page") / "report.html")) as page:
         yield page
 
 
 @pytest.fixture
 def page(shown: Opened) -> Opened:
-    """The same as it was when it opened."""
+    """The page, reset to its state after opening."""
     shown.page.evaluate("sonarmap.view.measure(false); sonarmap.view.camera.reset(); scrollTo(0, 0)")
     return shown
 
 
-def test_it_asks_for_nothing_and_says_nothing(page: Opened) -> None:
-    assert page.said == []
-    assert [address for address in page.asked if not address.startswith("data:")] == [page.page.url]
+def test_the_page_requests_nothing_and_logs_nothing(page: Opened) -> None:
+    assert page.console == []
+    assert [address for address in page.requests if not address.startswith("data:")] == [page.page.url]
     assert "8 scans lie in one map" in page.page.locator("#verdict").inner_text()
 
 
-def test_the_points_are_those_that_were_packed(page: Opened, content: Content) -> None:
-    """The twins agree to the last bit."""
+def test_javascript_unpacks_the_same_points_as_python(page: Opened, content: Content) -> None:
     columns = {"scan": np.arange(60) % 8, "wide": np.arange(60) * 70_000}
     data, layout = pack(100 * known_points(), columns, VOXEL)  # many tiles
     points, same = unpack(data, layout)
@@ -67,7 +66,7 @@ def test_two_points_are_measured_within_the_quantization(page: Opened) -> None:
 
 @pytest.fixture
 def bare(page: Opened) -> Iterator[Opened]:
-    """The map from above without lines over it."""
+    """The map from above, without track and loops."""
     lines = "Object.assign(sonarmap.view.shown, {{track: {0}, kept: {0}, refused: {0}}}); 0"
     page.page.evaluate(lines.format("false"))
     page.page.evaluate("sonarmap.view.camera.fromAbove()")
@@ -76,12 +75,12 @@ def bare(page: Opened) -> Iterator[Opened]:
 
 
 def picked(page: Opened, place: np.ndarray) -> dict[str, Any] | None:
-    """What is picked where a place [m] is seen."""
+    """Pick at the canvas position of a place [m]."""
     return page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", seen_at(page.page, place))
 
 
-def test_every_point_is_picked_where_it_is_seen(bare: Opened) -> None:
-    """From above no two lie over each other here but for few; each is the one that is told."""
+def test_every_visible_point_is_picked(bare: Opened) -> None:
+    """From above few points cover each other; every other pick gives the point and its scan."""
     page, right = bare, 0
     for k, point in enumerate(known_points()):
         hit = picked(page, point)
@@ -90,14 +89,14 @@ def test_every_point_is_picked_where_it_is_seen(bare: Opened) -> None:
             right += 1
             scan = page.page.evaluate("k => sonarmap.view.points.columns.scan[k]", hit["point"])
             assert scan == k % 8
-        else:  # another lies over it
+        else:  # another point covers it
             assert hit["place"][2] > point[2]
     assert right > 50
     assert page.page.evaluate("sonarmap.view.pick(2, 2)") is None
 
 
-def test_what_is_hidden_is_not_picked(bare: Opened) -> None:
-    """With all that is higher than 1.5 m cut off, B at 2.1 m is gone and A at 0.8 m is there."""
+def test_points_hidden_by_the_height_slider_are_not_picked(bare: Opened) -> None:
+    """With everything above 1.5 m hidden, A at 0.8 m is picked and B at 2.1 m is not."""
     page = bare
     heights = known_points()[:, 2]
     low, high = (page.page.evaluate(f"sonarmap.view.part.extent[{k}][2]") for k in (0, 1))
@@ -113,12 +112,12 @@ def test_what_is_hidden_is_not_picked(bare: Opened) -> None:
 
 
 def test_degrees_are_those_of_the_georeference(page: Opened) -> None:
-    """The twins agree to a hundredth of a millimeter, for any heading, also where heights follow the Earth."""
+    """JavaScript and Python agree to a hundredth of a millimeter for any heading, also 25 km from the origin."""
     places = np.array([[0.0, 0.0, 0.0], [812.5, -333.25, -41.0], [-25_000.0, 9_000.0, 120.0]])
     for here in (Georeference(60.3913, 5.3221, -4.5), Georeference(-33.85, -179.999, 12.0, heading=217.5)):
         expected = here.geodetic(places)[:, :2]
-        asked = [places.tolist(), here.to_json()]
-        got = page.page.evaluate("([places, here]) => places.map(place => sonarmap.degreesOf(place, here))", asked)
+        arguments = [places.tolist(), here.to_json()]
+        got = page.page.evaluate("([places, here]) => places.map(place => sonarmap.degreesOf(place, here))", arguments)
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10)
 
 

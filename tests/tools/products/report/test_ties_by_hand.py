@@ -1,4 +1,4 @@
-"""Ties that are decided by clicks in a real Chromium, and the file that comes of them."""
+"""Ties decided by clicks in Chromium, and the file that the page saves."""
 
 import shlex
 from collections.abc import Iterator
@@ -19,14 +19,14 @@ MADE |= {"transform": {}}
 
 @pytest.fixture(scope="class")
 def shown(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    """A map of scans with names that are hard to write down."""
+    """Page of a map whose scan names need escaping."""
     with opened(path_of(content, tmp_path_factory.mktemp("the page's"))) as page:
         yield page
 
 
 @pytest.fixture
 def page(shown: Opened) -> Opened:
-    """The same as it was when it opened."""
+    """The page, reset to its state after opening."""
     shown.page.evaluate("sonarmap.decisions.forget('ties'); sonarmap.view.leave(); sonarmap.view.camera.reset()")
     return shown
 
@@ -45,7 +45,7 @@ def ends(content: Content, row: int) -> tuple[int, int]:
 
 
 class TestOfOnePage:
-    """One after another in the same browser."""
+    """The tests share one page."""
 
     def test_loops_are_accepted_and_rejected_in_the_list(self, page: Opened, content: Content, tmp_path: Path) -> None:
         decide(page, 0, "reject")
@@ -64,7 +64,7 @@ class TestOfOnePage:
         assert " --ties ties.csv" in command
         assert "--control" not in command
 
-    def test_every_name_is_written_as_it_is(self, page: Opened, tmp_path: Path) -> None:
+    def test_names_are_saved_as_they_are(self, page: Opened, tmp_path: Path) -> None:
         """Commas, quotes, line breaks, a # or blanks at the ends, letters of any script, bytes that are no UTF-8."""
         page.page.evaluate(
             "for (let k = 1; k < 8; k++) sonarmap.decisions.decide({ target: k - 1, source: k }, 'reject')"
@@ -82,7 +82,7 @@ class TestOfOnePage:
         tried = page.page.evaluate(f"sonarmap.decisions.wasTried({{ target: {i}, source: {j} }})")
         assert saved(page, "ties", tmp_path) == [tie(i, j, "accept" if tried else "add")]
 
-    def test_two_scans_that_are_clicked_on_are_tied(self, page: Opened, content: Content, tmp_path: Path) -> None:
+    def test_a_tie_is_added_by_clicking_on_two_scans(self, page: Opened, content: Content, tmp_path: Path) -> None:
         """From above, where no two poses of the ring are seen at the same place."""
         tried = {
             *map(tuple, content.shown["sequential"]),
@@ -110,8 +110,8 @@ class TestOfOnePage:
 
 
 @pytest.mark.slow
-def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path: Path) -> None:
-    """Those that the map was made with are there from the start, and again when the new ones are forgotten."""
+def test_decisions_survive_a_reload_until_discarded(content: Content, tmp_path: Path) -> None:
+    """The map's own ties are there from the start, and remain when new decisions are discarded."""
     path = path_of(content, tmp_path, ties=[MADE])
     made = tie(0, 7, "add", MADE["note"])
     with opened(path) as page:

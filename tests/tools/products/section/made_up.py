@@ -1,4 +1,4 @@
-"""Maps of known points, as they are read from a folder, and as folders."""
+"""Maps of known points, as they are read from a folder."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ def placed(
     georeference: Georeference | None = None,
     voxel: float = 0.5,
 ) -> PlacedMap:
-    """A map of these points (M, 3); poses are one at the origin, and certain, unless they are given."""
+    """Map of these points (M, 3) [m]; by default with one pose at the origin, without uncertainty."""
     poses = RigidTransform.from_translation(np.zeros((1, 3))) if poses is None else poses
     count = len(points)
     columns = {
@@ -44,11 +44,11 @@ def placed(
 
 
 def bed(height: float = -10.0, columns: int = 10, rows: int = 8) -> np.ndarray:
-    """(columns * rows, 3) points in the middles of cells of 1 m, from the origin on."""
+    """Points (columns * rows, 3) [m] at the centers of 1 m cells, from the origin on."""
     x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
     return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, height)])
 
 
 def moved(map_: PlacedMap, points: np.ndarray) -> PlacedMap:
-    """The same with other points."""
+    """The same map with other points."""
     return replace(map_, part=replace(map_.part, points=points))

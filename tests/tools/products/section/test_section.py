@@ -20,7 +20,7 @@ from sonarmap.tools.products.section import (
 from tests.samples.clutter_scans import files_in, table_of
 from tests.tools.products.section.made_up import placed
 
-# From 1,1 on a line of 3 and 4 m: 5 m long, its direction 0.6, 0.8; the last three points do not belong to it
+# From (1, 1) 5 m in the direction (0.6, 0.8); the last three points are not in the section
 LINE = np.array([[1.0, 1.0], [4.0, 5.0]])
 POINTS = np.array(
     [
@@ -41,19 +41,19 @@ def section(georeference: Georeference | None = None) -> Section:
     return section_of(placed(POINTS, SIGMA, georeference=georeference), LINE, 1.0, Coordinates())
 
 
-def test_what_lies_near_the_line_is_in_it() -> None:
-    found = section()
-    assert found.length == pytest.approx(5)
-    np.testing.assert_allclose(found.distance, [0, 0.5, 2, 2.5], atol=1e-12)
-    np.testing.assert_allclose(found.offset, [0, 0.9, 0, -0.4], atol=1e-12)
-    np.testing.assert_array_equal(found.height, [-7, -5, -3, -4])
-    np.testing.assert_allclose(found.sigma, [0.1, 0.2, 0.4, 0.3])
+def test_a_section_has_the_points_near_its_line() -> None:
+    cut = section()
+    assert cut.length == pytest.approx(5)
+    np.testing.assert_allclose(cut.distance, [0, 0.5, 2, 2.5], atol=1e-12)
+    np.testing.assert_allclose(cut.offset, [0, 0.9, 0, -0.4], atol=1e-12)
+    np.testing.assert_array_equal(cut.height, [-7, -5, -3, -4])
+    np.testing.assert_allclose(cut.sigma, [0.1, 0.2, 0.4, 0.3])
     np.testing.assert_array_equal(section(HERE).height, [-5, -3, -1, -2])  # the origin is 2 m up
 
 
 def test_the_profile_has_the_median_of_every_cell() -> None:
     profile = profile_of(section(), 2.0)
-    np.testing.assert_allclose(profile.distance, [1, 3])  # nothing lies in the last, from 4 m to 5 m
+    np.testing.assert_allclose(profile.distance, [1, 3])  # the last cell, from 4 m to 5 m, is empty
     np.testing.assert_allclose(profile.height, [-6, -3.5])
     np.testing.assert_allclose(profile.lowest, [-7, -4])
     np.testing.assert_allclose(profile.highest, [-5, -3])
@@ -65,7 +65,7 @@ def test_the_profile_has_the_median_of_every_cell() -> None:
 
 
 @pytest.mark.parametrize("degrees", [False, True])
-def test_places_on_the_earth_and_back(degrees: bool) -> None:
+def test_map_coordinates_convert_to_the_earth_and_back(degrees: bool) -> None:
     given = Coordinates(HERE, None if degrees else Projection.of(HERE))
     there = given.of_map(LINE)
     np.testing.assert_allclose(given.to_map(there), LINE, atol=1e-4)
@@ -77,11 +77,11 @@ def test_places_on_the_earth_and_back(degrees: bool) -> None:
         np.testing.assert_allclose(there[:, 0], 500_000 + 0.9996 * LINE[:, 0], atol=1e-3)
 
 
-def test_the_files(tmp_path: Path) -> None:
-    found = section(HERE)
+def test_the_picture_and_tables_are_reproducible(tmp_path: Path) -> None:
+    cut = section(HERE)
     world = Coordinates(HERE, Projection.of(HERE))
     titles = Titles("Section", "of a made-up map", "height")
-    paths = write_section(tmp_path / "cut.png", found, profile_of(found, 2.0), titles, world)
+    paths = write_section(tmp_path / "cut.png", cut, profile_of(cut, 2.0), titles, world)
     assert [path.name for path in paths] == ["cut.png", "cut.csv", "cut_profile.csv"]
     assert set(files_in(tmp_path)) == {"cut.png", "cut.csv", "cut_profile.csv"}
     row = table_of(paths[1])[1]
@@ -90,7 +90,7 @@ def test_the_files(tmp_path: Path) -> None:
     assert list(table_of(paths[2])[0])[:8] == list(PROFILE)
     assert table_of(paths[2])[0]["height_m"] == "-4.0000"
     before = files_in(tmp_path)
-    write_section(tmp_path / "cut.png", found, profile_of(found, 2.0), titles, world)
+    write_section(tmp_path / "cut.png", cut, profile_of(cut, 2.0), titles, world)
     assert files_in(tmp_path) == before
 
 
@@ -105,9 +105,9 @@ def test_all_files_or_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("rise", "factor"), [(0.0, 1.0), (0.5, 1.0), (40.0, 1.0), (40.0, 0.5), (2.0, 5.0)])
 def test_the_picture_has_one_scale(rise: float, factor: float) -> None:
     points = np.linspace([0.0, 0, -rise], [10, 0, 0], 30)
-    found = section_of(placed(points), points[[0, -1], :2], 1.0, Coordinates())
+    cut = section_of(placed(points), points[[0, -1], :2], 1.0, Coordinates())
     titles = Titles("Section", "", "height above mean sea level", factor)
-    figure = section_figure(found, profile_of(found, 1.0), titles)
+    figure = section_figure(cut, profile_of(cut, 1.0), titles)
     figure.draw_without_rendering()
     axes = figure.axes[0]
     box = axes.get_window_extent()
@@ -119,15 +119,15 @@ def test_the_picture_has_one_scale(rise: float, factor: float) -> None:
     assert axes.get_ylabel() == "height above mean sea level\n[m]"
 
 
-def test_the_same_as_a_loop_over_many_points() -> None:
+def test_the_profile_equals_a_loop_over_the_points() -> None:
     rng = np.random.default_rng(3)
     points = rng.uniform(0, 10, (4000, 3))
-    found = section_of(placed(points), np.array([[0.0, 2.0], [10.0, 2.0]]), 0.5, Coordinates())
+    cut = section_of(placed(points), np.array([[0.0, 2.0], [10.0, 2.0]]), 0.5, Coordinates())
     near = points[np.abs(points[:, 1] - 2) <= 0.5]
-    profile = profile_of(found, 0.7)
-    assert len(found.height) == len(near)
+    profile = profile_of(cut, 0.7)
+    assert len(cut.height) == len(near)
     for k, middle in enumerate(profile.distance.tolist()[:-1]):
-        own = near[np.floor(near[:, 0] / 0.7) == round(middle / 0.7 - 0.5), 2]
-        assert profile.height[k] == pytest.approx(np.median(own))
-        assert (profile.lowest[k], profile.highest[k]) == (own.min(), own.max())
+        heights = near[np.floor(near[:, 0] / 0.7) == round(middle / 0.7 - 0.5), 2]
+        assert profile.height[k] == pytest.approx(np.median(heights))
+        assert (profile.lowest[k], profile.highest[k]) == (heights.min(), heights.max())
     assert profile.distance[-1] == pytest.approx((9.8 + 10) / 2)
