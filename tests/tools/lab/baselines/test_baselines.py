@@ -1,4 +1,4 @@
-"""The methods that the spectral one is compared with: each finds what it can find, and says when it does not."""
+"""Baseline registration methods: each finds the motions that it can find, and refuses other scans."""
 
 from functools import cache
 
@@ -26,13 +26,13 @@ SMALL = RigidTransform.from_components([1.1, -0.7, 0.4], Rotation.from_euler("ZY
 
 @pytest.fixture(params=POINTS)
 def near(request: pytest.FixtureRequest) -> str:
-    """Every method: all find a small motion."""
+    """Name of a baseline; all find a small motion."""
     return installed(request.param)
 
 
 @pytest.fixture(params=ANYWHERE)
 def anywhere(request: pytest.FixtureRequest) -> str:
-    """The methods that need no guess."""
+    """Name of a baseline that needs no initial guess."""
     return installed(request.param)
 
 
@@ -57,8 +57,8 @@ def turned(scan: Scan, T_new_old: RigidTransform) -> Scan:
     return Scan(T_new_old.apply(scan.points.astype(np.float64)).astype(np.float32), name="turned")
 
 
-def nearly(scan: Scan) -> tuple[Scan, Scan]:
-    """The halves of a scan's points, the second seen from SMALL: no point is in both."""
+def halves(scan: Scan) -> tuple[Scan, Scan]:
+    """Disjoint halves of a scan's points, the second seen from SMALL."""
     target = Scan(scan.points[::2], name="target")
     return target, turned(Scan(scan.points[1::2]), SMALL.inv())
 
@@ -79,8 +79,8 @@ def check(found: Registration, truth: RigidTransform) -> None:
 
 
 @pytest.mark.slow
-def test_a_large_motion_is_found_and_turning_the_source_turns_the_answer(anywhere: str) -> None:
-    """With T_s a sensor that is turned and moved, T_target_new = T_target_old inverse(T_new_old)."""
+def test_a_large_motion_is_found_and_follows_a_turned_source(anywhere: str) -> None:
+    """For a source in another frame, T_target_new = T_target_old inverse(T_new_old)."""
     target, source, truth = easy()
     T_new_old = RigidTransform.from_components([2, -3, 1], Rotation.from_euler("ZYX", [130, -8, 15], degrees=True))
     before = register(anywhere, target, source)
@@ -90,8 +90,8 @@ def test_a_large_motion_is_found_and_turning_the_source_turns_the_answer(anywher
 
 
 @pytest.mark.quick_cases(1)
-def test_a_small_motion_is_found_and_with_the_same_seed_again_by_the_same_bytes(near: str) -> None:
-    pair = nearly(easy()[0])
+def test_a_small_motion_is_found_and_reproduced_with_the_same_seed(near: str) -> None:
+    pair = halves(easy()[0])
     first, other = (register(near, *pair, seed=5) for _ in range(2))
     check(first, SMALL)
     assert first.overlap > 0.95
@@ -108,7 +108,7 @@ def test_too_few_points_are_refused(near: str) -> None:
 
 
 def test_scans_of_a_few_scattered_points_are_refused(near: str) -> None:
-    """No point has neighbors enough for a normal or a feature; libraries have been seen to crash on that."""
+    """No point has enough neighbors for a normal or a feature, on which libraries have crashed."""
     rng = np.random.default_rng(7)
     target, source = (Scan(rng.uniform(-40, 40, (30, 3)).astype(np.float32)) for _ in range(2))
     found = register(near, target, source)
@@ -118,9 +118,7 @@ def test_scans_of_a_few_scattered_points_are_refused(near: str) -> None:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["icp", "fpfh-ransac"])
-def test_another_place_is_refused_and_nothing_of_theirs_reaches_stdout(
-    name: str, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_another_place_is_refused_without_output_on_stdout(name: str, capfd: pytest.CaptureFixture[str]) -> None:
     capfd.readouterr()
     found = register(name, easy()[0], elsewhere())
     assert capfd.readouterr().out == ""
@@ -128,17 +126,17 @@ def test_another_place_is_refused_and_nothing_of_theirs_reaches_stdout(
     assert "wanted at least" in found.reason
 
 
-def test_a_missing_package_is_told() -> None:
+def test_a_missing_package_is_named() -> None:
     with pytest.raises(InputError, match=r"the method kiss needs the package no-such-thing.*sonarmap\[peers\]"):
         load_package("no_such_thing", "no-such-thing", "the method kiss", "peers")
 
 
-def test_a_name_that_is_none_is_told() -> None:
+def test_an_unknown_method_is_refused() -> None:
     with pytest.raises(InputError, match="no method is called 'ipc'; wanted one of spectral, hemisphere, icp"):
         build("ipc", GRID)
 
 
-def test_normals_are_on_the_side_where_the_sensor_was() -> None:
+def test_normals_point_to_the_side_of_the_sensor() -> None:
     x, y = np.meshgrid(np.arange(0, 20, 0.5), np.arange(0, 20, 0.5))
     points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -5)]).astype(np.float32)
     side = np.where(points[:, :1] < 10, [0, 0, 10], [0, 0, -10])

@@ -1,4 +1,4 @@
-"""What the baselines say of their uncertainty: its order, its side, its size."""
+"""Covariances and overlaps of the baselines."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -34,8 +34,8 @@ def clouds(seed: int, end: bool = True):
     return thin(target, VOXEL), thin(source, VOXEL)
 
 
-def test_an_open_end_leaves_the_way_along_the_walls_uncertain() -> None:
-    """The walls run along the target's x: in the source's frame, that of the covariance, that is R^T x."""
+def test_the_direction_along_walls_with_an_open_end_is_uncertain() -> None:
+    """The walls run along the target's x, which is R^T x in the source's frame, that of the covariance."""
     C = covariance(*clouds(3, end=False), T_TRUE, VOXEL)
     values, axes = np.linalg.eigh(C[3:, 3:])
     along = T_TRUE.rotation.inv().apply([1.0, 0.0, 0.0])
@@ -45,8 +45,8 @@ def test_an_open_end_leaves_the_way_along_the_walls_uncertain() -> None:
     assert along @ C[3:, 3:] @ along > 20 * (along @ closed[3:, 3:] @ along)
 
 
-def test_the_hessian_is_that_of_numerical_steps() -> None:
-    """The stated information is the curvature of the squared distances under steps T Exp(xi), whatever the order."""
+def test_the_information_equals_the_numerical_hessian() -> None:
+    """The information is the curvature of the squared distances under steps T Exp(xi), up to a scale."""
     target, source = clouds(5)
     moved = T_TRUE.apply(source.points)
     _, nearest = target.tree.query(moved)
@@ -63,7 +63,7 @@ def test_the_hessian_is_that_of_numerical_steps() -> None:
     np.testing.assert_allclose(scaled / scaled[5, 5], wanted / wanted[5, 5], rtol=1e-2, atol=2e-3)
 
 
-def test_overlap_is_the_smaller_share() -> None:
+def test_overlap_is_the_smaller_share_of_both_clouds() -> None:
     rng = np.random.default_rng(6)
     whole = sheet(rng, [5, -8, -3], [0, 16, 0], [0, 0, 6])
     target, source = (

@@ -1,4 +1,4 @@
-"""Other methods of mapping: they map small surveys that suit them, the same way each time."""
+"""Baseline mapping methods on small surveys that suit them."""
 
 import importlib.util
 from dataclasses import replace
@@ -21,7 +21,7 @@ NOTHING = Scan(np.array([[3.0, 0, 0], [0, 5, 1]], np.float32), None, stamp=99.0,
 
 
 def small_survey(spacing: float, count: int) -> Simulation:
-    """Scans of few beams of a harbor, next to free of noise."""
+    """Survey of a harbor with few beams and little noise."""
     settings = plan("harbor", "survey", seed=3)
     few = replace(settings.sensor, columns=128, rows=96)
     return simulate(replace(settings, count=count, spacing=spacing, sensor=few, noise=Noise(sigma2=0.5)))
@@ -36,7 +36,7 @@ def test_multiway_maps_scans_that_are_meters_apart() -> None:
     result = evaluate(run.trajectory, survey.truth)
     assert result.ate_m < VOXEL / 2
     assert result.rotation_deg.max() < 2
-    # scan 2 shows nothing: those beside it are consecutive, and the key scans are 0 and 4
+    # scan 2 is empty: its neighbors are consecutive, and the key scans are 0 and 4
     assert [(pair.target, pair.source) for pair in run.pairs] == [(0, 1), (1, 3), (3, 4), (0, 4)]
     poses = {scan: survey.truth.T_world_sensor[row] for row, scan in enumerate((0, 1, 3, 4))}
     assert score_pairs([pair for pair in run.pairs if pair.role == CHAIN], poses, VOXEL).kept_right == 3
@@ -44,7 +44,7 @@ def test_multiway_maps_scans_that_are_meters_apart() -> None:
 
 
 @pytest.mark.slow
-def test_multiway_gives_the_same_bytes_again() -> None:
+def test_multiway_is_reproducible() -> None:
     scans = small_survey(6.0, 3).scans
     once, again = (run_multiway(scans, VOXEL, seed=5, key_every=2).trajectory for _ in range(2))
     assert_array_equal(once.T_world_sensor.as_matrix(), again.T_world_sensor.as_matrix())

@@ -1,4 +1,4 @@
-"""Benchmarks: times that are what they say, wrong kernels that are caught, and results that are stored."""
+"""Benchmarks: timing, detection of wrong kernels, and stored results."""
 
 import json
 import multiprocessing
@@ -28,8 +28,8 @@ from tests.samples.places import ROOT
 
 
 @pytest.fixture(autouse=True, scope="module")
-def few() -> Iterator[None]:
-    """Rates of memory, which take seconds, by arrays that are quickly moved; and two kernels of all."""
+def short_run() -> Iterator[None]:
+    """Measure memory rates on small arrays, and only two of the kernels."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sonarmap.tools.lab.bench.timing.MAX_BYTES", 2**20)
         for module in ("run", "kernels"):
@@ -42,7 +42,7 @@ def bench(*arguments: str | Path) -> Result:
 
 
 @pytest.fixture(scope="module")
-def stored(few: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stored(short_run: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The result of a short run."""
     path = tmp_path_factory.mktemp("bench") / "result.json"
     printed = bench("--grid", "16", "--repeats", "2", "--pairs", "0", "--json", "--out", path)
@@ -68,14 +68,14 @@ class TestTiming:
 class TestKernels:
     @pytest.mark.parametrize("edge", [16, 32])
     @pytest.mark.slow
-    def test_every_kernel_is_its_twins_equal(self, device: Device, edge: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_every_kernel_equals_its_twin(self, device: Device, edge: int, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sonarmap.tools.lab.bench.kernels.CASES", CASES)
         results = list(measure_kernels(device, [edge], 2, 5, 2, lambda _: None))
         assert len(results) == len(CASES)
         assert {result["kernel"]: result["error"] for result in results if not result["right"]} == {}
         assert all(result["bytes_moved"] > 0 and result["launches"] > 0 for result in results)
 
-    def test_a_wrong_kernel_is_told(self, device: Device) -> None:
+    def test_a_wrong_kernel_is_detected(self, device: Device) -> None:
         case = real_forward_case(Workload(device, 16, 1, 0))
         assert measure_case(case, device, 16, 1)["right"]
         off = replace(case, read=lambda result: case.read(result) * np.float32(1 + 1e-4))
@@ -93,17 +93,17 @@ class TestKernels:
 
 @pytest.mark.slow
 class TestPairs:
-    def test_pairs_in_a_process_of_their_own(self) -> None:
+    def test_pairs_are_measured_in_their_own_process(self) -> None:
         result = measure_pairs(simulate_pairs(2, 3, lambda _: None), 32, None, lambda _: None)
         assert (result["prepare_seconds"]["count"], result["register_seconds"]["count"]) == (4, 2)
-        assert 0 < result["device_memory"] < result["planned_memory"]  # which is for any rotation
+        assert 0 < result["device_memory"] < result["planned_memory"]  # the plan allows any rotation
         stages = {stage["name"]: stage for stage in result["stages"]}
         assert {"prepare", "register", "rotations", "compare", "finish"} <= set(stages) <= set(PAIR_STAGES.values())
         assert (stages["prepare"]["calls"], stages["register"]["calls"]) == (2, 1)
         assert stages["register"]["seconds"] >= sum(stages[name]["own_seconds"] for name in ("rotations", "compare"))
         assert multiprocessing.active_children() == []
 
-    def test_an_interruption_ends_the_spawned_process_and_is_told_once(self) -> None:
+    def test_an_interruption_ends_both_processes_and_is_reported_once(self) -> None:
         program = "from sonarmap.tools.command.main import run; run()"
         bench = subprocess.Popen(
             [sys.executable, "-c", program, "bench", "--no-kernels", "--grid", "128", "--pairs", "8"],
@@ -118,15 +118,15 @@ class TestPairs:
         while "simulating pairs: 8 of 8" not in bench.stderr.readline():
             assert bench.poll() is None
         time.sleep(2)
-        os.killpg(bench.pid, signal.SIGINT)  # as a terminal does: parent and child alike
-        # the pipes end when nobody holds them any more, the child neither
+        os.killpg(bench.pid, signal.SIGINT)  # to parent and child, as a terminal does
+        # the pipes end when both parent and child have ended
         assert bench.stdout.read() == ""
         assert bench.stderr.read().endswith("stopped: nothing was written\n")
         assert bench.wait() == 130
 
 
 class TestCommand:
-    def test_the_result_says_what_was_measured(self, stored: Path) -> None:
+    def test_the_result_has_versions_rates_and_ratios(self, stored: Path) -> None:
         result = json.loads(stored.read_text())
         assert result["pairs"] == []
         assert result["versions"]["numpy"] == np.__version__
@@ -135,7 +135,7 @@ class TestCommand:
         assert row["rate"] == row["bytes_moved"] / row["device_seconds"]["median"]
         assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
 
-    def test_a_wrong_kernel_ends_with_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_wrong_kernel_ends_with_exit_code_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
         right = twins.magnitude
         monkeypatch.setattr("sonarmap.tools.lab.bench.twins.magnitude", lambda *given: right(*given) + np.float32(1))
         assert bench("--grid", "16", "--repeats", "2", "--pairs", "0").exit_code == 3
@@ -147,7 +147,7 @@ class TestCommand:
             (["--no-kernels", "--pairs", "0"], "nothing to measure"),
         ],
     )
-    def test_refusals(self, arguments: list[str], words: str) -> None:
+    def test_unusable_options_are_refused(self, arguments: list[str], words: str) -> None:
         refused = bench(*arguments)
         assert refused.exit_code == 2
         assert words in " ".join(refused.stderr.split())

@@ -1,4 +1,4 @@
-"""Stages that are timed, and what a device is asked for counted by hand."""
+"""Timed stages, and counts of a device's launches, reads and writes."""
 
 import time
 
@@ -15,24 +15,24 @@ from sonarmap.tools.lab.bench.stages import BUILDS, PAIR_STAGES, SURVEY_STAGES, 
 
 
 @pytest.fixture(scope="module")
-def noting() -> Device:
-    """A device whose queue notes times."""
+def profiled() -> Device:
+    """A device whose queue records times."""
     chosen = choose_device()
     return Device(chosen.cl_device, chosen.selector, profiling=True)
 
 
 class TestTrace:
-    def test_launches_reads_and_bytes(self, noting: Device) -> None:
-        volume, points = noting.empty((16, 16, 16)), noting.to_device(np.zeros((5, 4), np.float32))
+    def test_launches_reads_writes_and_bytes_are_counted(self, profiled: Device) -> None:
+        volume, points = profiled.empty((16, 16, 16)), profiled.to_device(np.zeros((5, 4), np.float32))
         counts = Counts()
-        with tracing(noting, lambda: counts):
-            voxelize(noting, points, 16, out=volume)
+        with tracing(profiled, lambda: counts):
+            voxelize(profiled, points, 16, out=volume)
             counts.launches = counts.array_bytes = 0
-            fft = RealFFT(noting, (16, 16, 16))
+            fft = RealFFT(profiled, (16, 16, 16))
             spectrum = fft.forward(volume)
             held = spectrum.get()
-            noting.to_device(np.ones(3, np.float32))
-            noting.queue.finish()
+            profiled.to_device(np.ones(3, np.float32))
+            profiled.queue.finish()
         assert held.nbytes == 8 * 16 * 16 * 16
         assert counts.launches == 2
         assert counts.array_bytes == 2 * (volume.nbytes + spectrum.nbytes)
@@ -40,12 +40,12 @@ class TestTrace:
         assert counts.writes == 1
         assert all(seconds > 0 for seconds in counts.kernel_seconds().values())
 
-    def test_nothing_is_counted_outside_or_of_another_device(self, noting: Device, device: Device) -> None:
+    def test_only_calls_on_the_traced_device_are_counted(self, profiled: Device, device: Device) -> None:
         counts = Counts()
-        with tracing(noting, lambda: counts):
+        with tracing(profiled, lambda: counts):
             device.to_device(np.ones(3, np.float32)).get()
-        zero(noting, noting.empty((4096,)))
-        noting.queue.finish()
+        zero(profiled, profiled.empty((4096,)))
+        profiled.queue.finish()
         assert (counts.launches, counts.reads, counts.writes) == (0, 0, 0)
 
 
@@ -62,7 +62,7 @@ class _Outer:
 
 
 class TestClock:
-    def test_a_stage_knows_its_own_time(self) -> None:
+    def test_own_time_excludes_nested_stages(self) -> None:
         here = __name__
         with clocked({f"{here}:_Outer.work": "outer", f"{here}:_inner": "inner"}) as clock:
             assert _Outer().work() == "done"
@@ -79,7 +79,7 @@ class TestClock:
         assert clock.stages["places"].calls == 1
         assert stages.places is places
 
-    def test_every_stage_is_still_where_it_is_said_to_be(self) -> None:
-        """Whoever renames a function gives the stage its new name in tools/lab/bench/stages.py."""
+    def test_every_stage_names_existing_functions(self) -> None:
+        """After renaming a function, rename it in tools/lab/bench/stages.py too."""
         for place in (*PAIR_STAGES, *SURVEY_STAGES, *BUILDS):
             assert all(callable(function) for _, _, function in places(place))

@@ -1,4 +1,4 @@
-"""A floor under the accuracy of a small simulated survey, from its scans to its trajectory."""
+"""Least accuracy of a small simulated survey, from its scans to its trajectory."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +18,7 @@ COUNT, VOXEL = 6, 1.5
 
 
 @pytest.mark.slow
-def test_every_step_of_a_small_survey_is_right(tmp_path: Path) -> None:
+def test_every_consecutive_pair_of_a_small_survey_is_right(tmp_path: Path) -> None:
     sensor = replace(ECLIPSE, columns=128, rows=96)
     simulation = simulate(SimulationSettings(count=COUNT, seed=33, sensor=sensor))
     write_simulation(simulation, tmp_path / "scans")

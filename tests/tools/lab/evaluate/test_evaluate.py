@@ -1,4 +1,4 @@
-"""Evaluation laws: what a rigid motion leaves alone, and known offsets that give known errors."""
+"""Trajectory errors: none after a rigid motion, and known errors for known offsets."""
 
 import json
 import subprocess
@@ -59,7 +59,7 @@ def test_one_known_slip_shows_in_one_step_and_in_all_later_poses():
 
 
 def test_ate_of_opposite_offsets_is_their_length():
-    """Offsets up and down by 0.3 m at the corners of a square in turn: no rigid motion lowers them."""
+    """Corners of a square are 0.3 m up and down in turn, which no rigid motion reduces."""
     square = np.array([[0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]], float)
     off = square + 0.3 * np.array([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, -1]])
     turns = Rotation.identity(4)
@@ -95,7 +95,7 @@ def test_alignment_by_positions_on_a_line_is_refused():
 
 @pytest.mark.parametrize("count", [1, 9])
 def test_alignment_by_poses_works_on_a_straight_line(count: int):
-    """What positions on a line leave open, the turn about it, comes from the orientations."""
+    """Orientations give the rotation about the line, which positions on it leave open."""
     stamps = np.arange(float(count))
     turns = Rotation.from_rotvec(np.random.default_rng(5).normal(0, 0.2, (count, 3)))
     truth = Trajectory(stamps, RigidTransform.from_components(stamps[:, None] * (10.0, 20.0, -1.0), turns))
@@ -105,7 +105,7 @@ def test_alignment_by_poses_works_on_a_straight_line(count: int):
     assert_allclose(result.rotation_deg, 0, atol=1e-5)
 
 
-def test_alignment_by_poses_is_the_least_of_its_sum():
+def test_alignment_by_poses_minimizes_its_cost():
     """No small motion on top of it lowers the sum of squares that its docstring states."""
     rng = np.random.default_rng(6)
     noise = RigidTransform.from_exp_coords(rng.normal(0, [0.3, 0.1, 0.2, 1.0, 2.0, 0.5], (12, 6)))
@@ -122,7 +122,7 @@ def test_alignment_by_poses_is_the_least_of_its_sum():
         assert cost(RigidTransform.from_exp_coords(tangent) * best) > cost(best)
 
 
-def test_stamps_are_joined_as_by_the_full_table_of_differences():
+def test_stamps_are_associated_as_by_the_table_of_all_differences():
     rng = np.random.default_rng(7)
     for _ in range(20):
         estimate, truth = rng.integers(0, 60, 25) / 8 + 1.7e9, rng.integers(0, 60, 40) / 8 + 1.7e9
@@ -138,13 +138,13 @@ def test_stamps_are_joined_as_by_the_full_table_of_differences():
 
 
 @pytest.mark.slow
-def test_long_trajectories_are_joined_without_a_table_of_all_differences():
+def test_long_trajectories_are_associated_without_a_table_of_all_differences():
     """An hour of truth at 200 Hz: 1,000 x 720,000 differences would be 5.8 GB."""
     truth = 1.7e9 + np.arange(720_000) / 200
     mine, true = associate(truth[360::720] + 1e-3, truth)
     assert_array_equal(mine, np.arange(1000))
     assert_array_equal(true, np.arange(360, 720_000, 720))
-    # in a process of its own: what SciPy's tree takes, Python does not trace
+    # in its own process: Python does not trace the memory of SciPy's tree
     program = (
         "import numpy as np; from sonarmap.tools.files.memory import peak_memory;"
         "from sonarmap.tools.lab.evaluate.trajectory import associate; truth = 1.7e9 + np.arange(720_000) / 200;"
@@ -166,14 +166,14 @@ def test_poses_without_a_counterpart_are_counted():
     assert_allclose(result.step_translation_m, 0, atol=1e-10)
 
 
-def test_no_stamp_in_common_is_told_with_both_spans():
+def test_disjoint_stamps_are_refused_with_both_spans():
     truth = _walk(4)
     late = Trajectory(truth.stamps + 1.7e9, truth.T_world_sensor)
     with pytest.raises(InputError, match=r"1700000000\.000000 to 1700000003\.000000 s.*0\.000000 to 3\.000000"):
         evaluate(late, truth)
 
 
-def test_pair_error_has_the_angle_between_and_the_distance():
+def test_pair_error_is_the_angle_and_the_distance():
     truth = RigidTransform.from_components((1.0, 2.0, 3.0), Rotation.from_euler("ZYX", (0.4, 0.1, -0.2)))
     turn = Rotation.from_rotvec(np.deg2rad(7.0) * np.array([0.6, 0.0, -0.8]))
     estimate = RigidTransform.from_components((1.3, 2.0, 2.6), truth.rotation * turn)

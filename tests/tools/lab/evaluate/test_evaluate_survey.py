@@ -32,7 +32,7 @@ HEADING = "target,source,role,kept,reason,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg
 
 
 def pair(i: int, j: int, role: str, kept: str, off_m: float | None = 0.0) -> str:
-    """A row of pairs.csv, wrong by so much; a failed one without it."""
+    """A row of pairs.csv that is wrong by `off_m` along x; with None, of a failed pair."""
     if off_m is None:
         return f"{i},{j},{role},{kept},failed,,,,,,"
     T = TRUTH.T_world_sensor[i].inv() * TRUTH.T_world_sensor[j] * RigidTransform.from_translation((off_m, 0, 0))
@@ -89,40 +89,40 @@ def with_summary(folder: Path) -> Result:
 
 
 @pytest.mark.parametrize("align", ["poses", "first"])
-def test_a_map_is_laid_over_the_truth_as_its_trajectory(files: Path, align: str) -> None:
+def test_a_map_is_aligned_like_its_trajectory(files: Path, align: str) -> None:
     options = ("--map", str(files / "map.ply"), "--surface", str(files / "truth.ply"), "--voxel", "0.3")
-    told = evaluated(files, *options, "--align", align)["map"]
-    assert told["median_m"] == pytest.approx(0.2, abs=1e-6)
-    assert told["p90_m"] == pytest.approx(0.2, abs=1e-6)
-    assert (told["within_voxel"], told["voxel_m"], told["nearest"]) == (1.0, 0.3, "point")
-    assert told["alignment"] == align
+    scores = evaluated(files, *options, "--align", align)["map"]
+    assert scores["median_m"] == pytest.approx(0.2, abs=1e-6)
+    assert scores["p90_m"] == pytest.approx(0.2, abs=1e-6)
+    assert (scores["within_voxel"], scores["voxel_m"], scores["nearest"]) == (1.0, 0.3, "point")
+    assert scores["alignment"] == align
     by_summary = evaluated(files, *options[:4], "--summary", str(files / "summary.json"))["map"]
     assert (by_summary["within_voxel"], by_summary["voxel_m"]) == (1.0, 0.25)
 
 
 def test_loops_are_all_pairs_but_consecutive_ones(files: Path) -> None:
-    told = evaluated(files, "--summary", str(files / "summary.json"))["pairs"]
-    assert told["sequential"]["kept_right"] == COUNT - 1
+    scores = evaluated(files, "--summary", str(files / "summary.json"))["pairs"]
+    assert scores["sequential"]["kept_right"] == COUNT - 1
     names = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "failed", "unjudged")
-    assert [told["loops"][name] for name in names] == [1, 1, 1, 0, 1, 0]
-    assert (told["loops"]["precision"], told["loops"]["recall"]) == (0.5, 0.5)
+    assert [scores["loops"][name] for name in names] == [1, 1, 1, 0, 1, 0]
+    assert (scores["loops"]["precision"], scores["loops"]["recall"]) == (0.5, 0.5)
 
 
 def test_scans_without_truth_leave_their_pairs_unjudged(files: Path) -> None:
     write_tum(files / "truth.tum", TRUTH.take(range(5)))
-    told = evaluated(files, "--summary", str(files / "summary.json"))
-    assert (told["pairs"]["loops"]["unjudged"], told["pairs"]["sequential"]["unjudged"]) == (2, 1)
-    assert told["uncertainty"]["poses"] == 4
+    scores = evaluated(files, "--summary", str(files / "summary.json"))
+    assert (scores["pairs"]["loops"]["unjudged"], scores["pairs"]["sequential"]["unjudged"]) == (2, 1)
+    assert scores["uncertainty"]["poses"] == 4
     write_tum(files / "truth.tum", TRUTH.take(range(1, 6)))
     refused = with_summary(files)
     assert refused.exit_code == 2
     said(refused, "the first pose of the estimate's component")
 
 
-def test_uncertainty_is_judged_against_the_first_pose(files: Path) -> None:
-    told = evaluated(files, "--summary", str(files / "summary.json"))["uncertainty"]
-    assert (told["anchor"], told["poses"], told["within_95"]) == ("first", COUNT - 1, 1.0)
-    assert told["nees_mean"] == pytest.approx(0, abs=1e-8)
+def test_uncertainty_is_evaluated_relative_to_the_first_pose(files: Path) -> None:
+    scores = evaluated(files, "--summary", str(files / "summary.json"))["uncertainty"]
+    assert (scores["anchor"], scores["poses"], scores["within_95"]) == ("first", COUNT - 1, 1.0)
+    assert scores["nees_mean"] == pytest.approx(0, abs=1e-8)
     (files / "summary.json").write_text(json.dumps(summary(covariances=False)))
     without = with_summary(files)
     assert without.exit_code == 0
@@ -137,7 +137,7 @@ def test_uncertainty_is_judged_against_the_first_pose(files: Path) -> None:
         (["--summary", "truth.ply"], "expected the summary.json"),
     ],
 )
-def test_options_that_do_not_go_together_are_refused(files: Path, options: list[str], words: str) -> None:
+def test_inconsistent_options_are_refused(files: Path, options: list[str], words: str) -> None:
     arguments = [str(files / word) if "." in word else word for word in options]
     result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *arguments)
     refused_with_reason(result)
@@ -160,7 +160,7 @@ def test_a_summary_without_its_table_is_refused(files: Path) -> None:
         ({"pairs": [{"target": 0, "source": 1}]}, "earlier version.* map again"),
     ],
 )
-def test_a_summary_that_is_none_is_refused(files: Path, change: dict, named: str) -> None:
+def test_an_invalid_summary_is_refused(files: Path, change: dict, named: str) -> None:
     (files / "summary.json").write_text(json.dumps(summary(covariances=False) | change))
     with pytest.raises(InputError, match=named):
         read_summary(files / "summary.json")
@@ -179,7 +179,7 @@ SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
         ([HEADING, SOUND.replace("2,3", "nan,3")], "line 2: y_m is 'nan'"),
     ],
 )
-def test_a_table_of_pairs_that_is_none_is_refused(files: Path, rows: list[str], words: str) -> None:
+def test_an_invalid_table_of_pairs_is_refused(files: Path, rows: list[str], words: str) -> None:
     write_pairs(files, *rows)
     result = with_summary(files)
     refused_with_reason(result)
@@ -216,6 +216,6 @@ def test_everything_is_printed_with_its_alignment(files: Path) -> None:
 
 
 @pytest.mark.slow
-def test_without_the_options_their_keys_are_there_and_empty(files: Path) -> None:
-    told = evaluated(files)
-    assert [told[name] for name in ("map", "pairs", "uncertainty")] == [None, None, None]
+def test_without_the_options_their_keys_are_null(files: Path) -> None:
+    scores = evaluated(files)
+    assert [scores[name] for name in ("map", "pairs", "uncertainty")] == [None, None, None]

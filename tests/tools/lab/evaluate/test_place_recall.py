@@ -1,4 +1,4 @@
-"""How often signatures find the way back: recall on a simulated survey whose lanes cross."""
+"""Recall of signatures on a simulated survey whose lanes cross."""
 
 from dataclasses import replace
 
@@ -30,14 +30,14 @@ def signatures(survey) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def revisits(survey) -> np.ndarray:
-    """(N, N) bool, whether two scans see one place again."""
+    """Whether two scans see the same place again (N, N) bool."""
     return revisits_of(survey.scans, survey.truth.T_world_sensor, choose_grid(survey.scans, 128).voxel)
 
 
 def at_random(rng: np.random.Generator) -> np.ndarray:
-    """(N, 10): other scans drawn beyond the gap."""
+    """Scans (N, 10) drawn for each scan beyond the gap."""
     order = np.arange(COUNT)
-    return np.array([rng.choice(order[np.abs(order - one) > GAP], AMONG[-1], replace=False) for one in order])
+    return np.array([rng.choice(order[np.abs(order - scan) > GAP], AMONG[-1], replace=False) for scan in order])
 
 
 def test_recall_counts_the_scans_that_have_a_revisit():
@@ -51,7 +51,7 @@ def test_recall_counts_the_scans_that_have_a_revisit():
 
 
 @pytest.mark.slow
-def test_a_place_seen_again_is_among_the_nearest(signatures, revisits):
+def test_revisits_are_among_the_nearest_signatures(signatures, revisits):
     index, _ = PlaceIndex(signatures).nearest(AMONG[-1], GAP)
     draws = [at_random(np.random.default_rng(seed)) for seed in range(20)]
     chance = np.mean([recall(draw, revisits) for draw in draws], axis=0)

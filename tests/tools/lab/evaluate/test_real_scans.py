@@ -1,4 +1,4 @@
-"""Real scans, where the folder of shared data lies beside the checkout: RGB-D fragments with truth, a real sonar."""
+"""Real scans, if the shared data lies beside the checkout: RGB-D fragments with truth, and sonar frames."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -26,7 +26,7 @@ KITCHEN, SHIP = DATA / "redkitchen", DATA / "sonar3d15" / "ship_short.sonar"
 
 @dataclass(frozen=True, slots=True)
 class Mapped:
-    """Scans as one survey with loops, by the default method, with nothing but its defaults."""
+    """Scans mapped as one survey by the default method with its defaults."""
 
     scans: tuple[Scan, ...]
     voxel: float
@@ -38,7 +38,7 @@ class Mapped:
 
     @property
     def registrations(self) -> dict[tuple[int, int], Registration]:
-        """Of every pair that was registered, by its scans."""
+        """Registrations by their pair of scans."""
         return {(pair.i, pair.j): pair.registration for pair in self.result.pairs if pair.registration}
 
 
@@ -50,7 +50,7 @@ def mapped(*inputs: Path) -> Mapped:
 
 @pytest.fixture(scope="module")
 def kitchen() -> Mapped:
-    """Three fragments of a kitchen."""
+    """Survey of three fragments of a kitchen."""
     if not KITCHEN.is_dir():
         pytest.skip("shared/data/redkitchen is not beside the checkout")
     return mapped(*sorted(KITCHEN.glob("*.ply")))
@@ -58,7 +58,7 @@ def kitchen() -> Mapped:
 
 @pytest.fixture(scope="module")
 def ship() -> Mapped:
-    """Six frames of a sonar before a ship."""
+    """Survey of six frames of a sonar in front of a ship."""
     if not SHIP.is_file():
         pytest.skip("shared/data/sonar3d15 is not beside the checkout")
     return mapped(SHIP)
@@ -74,7 +74,7 @@ def true_transforms() -> dict[tuple[int, int], RigidTransform]:
 
 
 def crossings(survey: Mapped) -> tuple[float, float]:
-    """The median crossing error before the loops and after [m], every scan taken for a pass of its own."""
+    """Median crossing errors [m] before and after the loops, with every scan as its own survey."""
     before, scans = survey.result.chained.T_world_sensor, survey.scans
     error = crossing_error(PlacedScans.of(scans, survey.poses, survey.voxel, surveys=range(len(scans))), before)
     assert error.before is not None
@@ -82,10 +82,10 @@ def crossings(survey: Mapped) -> tuple[float, float]:
     return error.before.median, error.after.median
 
 
-def test_the_kitchen_is_registered_as_the_truth_has_it(kitchen: Mapped) -> None:
-    """All pairs within 3 degrees, and within a voxel at the middle of the source's points; all believed.
+def test_the_kitchen_is_registered_within_3_degrees_and_a_voxel(kitchen: Mapped) -> None:
+    """All pairs are accepted, within 3 degrees, and within a voxel at the center of the source's points.
 
-    The fragments lie 1 to 4 m before their origin, so that a degree moves the origin by a voxel or two.
+    The fragments lie 1 to 4 m in front of their origin, so that a degree moves the origin by a voxel or two.
     """
     scans, voxel, truth = kitchen.scans, kitchen.voxel, true_transforms()
     assert kitchen.registrations.keys() == {(0, 1), (1, 2), (0, 2)}
@@ -107,8 +107,8 @@ def test_the_kitchen_is_registered_as_the_truth_has_it(kitchen: Mapped) -> None:
     assert after < max(1.1 * before, 0.5 * voxel)
 
 
-def test_frames_of_a_sonar_that_hardly_moves_agree(ship: Mapped) -> None:
-    """Six frames within a second: every loop that is tried is kept, and the whole way is under 0.3 m."""
+def test_frames_of_an_almost_still_sonar_are_mapped_consistently(ship: Mapped) -> None:
+    """Six frames within a second: every tried loop is kept, and the whole motion is under 0.3 m."""
     poses, result = ship.poses, ship.result
     print_pairs(result)
     steps = [ship.registrations[k, k + 1].T_target_source for k in range(5)]
@@ -127,13 +127,12 @@ def test_frames_of_a_sonar_that_hardly_moves_agree(ship: Mapped) -> None:
 
 
 def print_pairs(result: SurveyResult) -> None:
-    """Print what became of every pair."""
     for pair in result.pairs:
         print(f"{pair.i}, {pair.j} {pair.role}: {pair.residual:.2f} sigmas; {pair.reason}")
 
 
-def test_frames_of_a_sonar_agree_with_their_mean_chain(ship: Mapped) -> None:
-    """Each of the 15 pairs of six frames within 1 degree and 3 cm of what the optimized chain says; all believed."""
+def test_all_pairs_of_sonar_frames_agree_with_the_optimized_poses(ship: Mapped) -> None:
+    """Each of the 15 pairs of six frames is accepted and within 1 degree and 3 cm of the optimized poses."""
     registrar, poses = build("spectral", choose_grid(ship.scans)), ship.poses
     prepared = [registrar.prepare(scan) for scan in ship.scans]
     registrations = ship.registrations

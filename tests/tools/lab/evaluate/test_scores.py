@@ -1,4 +1,4 @@
-"""Loops, maps and poses against the truth: known errors, and poses that err as their covariances say."""
+"""Scores of pairs, maps and poses against the truth: known errors, and errors drawn from the covariances."""
 
 from pathlib import Path
 
@@ -27,14 +27,14 @@ TRUE_PAIRS = {
 
 
 def tried(i: int, j: int, kept: bool, turn_deg: float = 0.0, shift_voxels: float = 0.0) -> TriedPair:
-    """A pair whose measurement is so far from the truth."""
+    """A pair whose measurement is off by `turn_deg` and `shift_voxels`."""
     off = RigidTransform.from_components(
         (0, shift_voxels * LOOP_VOXEL, 0), Rotation.from_rotvec((0, np.deg2rad(turn_deg), 0))
     )
     return TriedPair(i, j, "loop", kept, TRUE_PAIRS[i].inv() * TRUE_PAIRS[j] * off)
 
 
-def test_right_is_within_both_bounds() -> None:
+def test_a_right_pair_is_within_both_bounds() -> None:
     pairs = [
         tried(0, 2, True, RIGHT_DEG - 0.01, RIGHT_VOXELS - 0.01),
         tried(0, 2, True, RIGHT_DEG + 0.01),
@@ -51,15 +51,15 @@ def test_right_is_within_both_bounds() -> None:
 
 
 @pytest.mark.parametrize("pairs", [[], [TriedPair(0, 2, "loop", False, None)]])
-def test_shares_of_nothing_are_none(pairs: list[TriedPair]) -> None:
-    told = score_pairs(pairs, TRUE_PAIRS, LOOP_VOXEL).to_json()
-    assert [told[name] for name in ("precision", "recall", "rejected_precision", "rejected_recall")] == [None] * 4
+def test_shares_without_pairs_are_none(pairs: list[TriedPair]) -> None:
+    score = score_pairs(pairs, TRUE_PAIRS, LOOP_VOXEL).to_json()
+    assert [score[name] for name in ("precision", "recall", "rejected_precision", "rejected_recall")] == [None] * 4
 
 
 GRID = np.stack(np.meshgrid(np.arange(20.0), np.arange(10.0), [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def test_a_cloud_that_is_off_by_known_lengths(tmp_path: Path) -> None:
+def test_the_map_error_of_known_offsets(tmp_path: Path) -> None:
     """Of 200 points 120 lie 0.1 m above the reference's, 60 lie 0.3 m and 20 lie 2 m above."""
     write_ply(tmp_path / "truth.ply", GRID)
     off = np.repeat([0.1, 0.3, 2.0], [120, 60, 20])
@@ -72,7 +72,7 @@ def test_a_cloud_that_is_off_by_known_lengths(tmp_path: Path) -> None:
     assert_allclose(map_error(GRID, reference_of(tmp_path / "truth.ply"), 0.3).p90_m, 0.0, atol=1e-12)
 
 
-def test_what_a_simulation_saw_lies_on_its_surface(tmp_path: Path) -> None:
+def test_simulated_points_lie_on_the_true_surface(tmp_path: Path) -> None:
     simulation = simulate(SimulationSettings(trajectory="lawnmower", count=2, sensor=COARSE, noise=QUIET, seed=21))
     write_simulation(simulation, tmp_path)
     points = simulation.truth.T_world_sensor[1].apply(simulation.scans[1].points.astype(float))
@@ -93,7 +93,7 @@ def test_points_that_are_not_finite_are_left_out(tmp_path: Path) -> None:
         read_points(tmp_path / "b.ply")
 
 
-def test_what_is_no_reference_is_refused(tmp_path: Path) -> None:
+def test_an_invalid_reference_is_refused(tmp_path: Path) -> None:
     for name in ("truth.tum", "missing.json", "missing.ply", "nothing"):
         with pytest.raises(InputError, match=name):
             reference_of(tmp_path / name)
@@ -104,7 +104,7 @@ MOVE = RigidTransform.from_components((40.0, -7.0, 2.0), Rotation.from_euler("ZY
 
 
 def drawn(scale: float = 1.0, anchor: float = 1e-6) -> tuple[RigidTransform, RigidTransform, np.ndarray]:
-    """Poses, their truth and covariances; the errors have `scale` times the standard deviations that are told."""
+    """Poses, their truth and covariances; the errors have `scale` times the stated standard deviations."""
     rng = np.random.default_rng(17)
     truth = RigidTransform.from_components(rng.uniform(-30, 30, (COUNT, 3)), Rotation.random(COUNT, rng=rng))
     roots = rng.normal(size=(COUNT, 6, 6)) * np.array([0.01, 0.02, 0.03, 0.3, 0.2, 0.1])[:, None]
@@ -119,7 +119,7 @@ def calibrated(*arguments) -> PoseCalibration:
     return result
 
 
-def test_honest_poses_are_in_95_percent_of_their_ellipsoids() -> None:
+def test_consistent_poses_are_in_their_95_percent_ellipsoids() -> None:
     """Of 4000 independent poses: 0.95 within 0.015 (4 sigma), means within 5 sigma of 6 and of 3."""
     found, truth, covariances = drawn()
     result = calibrated(MOVE * found, truth, covariances)
@@ -129,7 +129,7 @@ def test_honest_poses_are_in_95_percent_of_their_ellipsoids() -> None:
     assert_allclose(result.position_nees.mean(), 3, atol=5 * np.sqrt(6 / COUNT))
 
 
-def test_other_origins_are_told_from_other_errors() -> None:
+def test_different_origins_are_detected() -> None:
     found, truth, covariances = drawn(anchor=0.05)
     moved = calibrated(RigidTransform.from_translation([0.0, -400.0, 7.0]) * found, truth, covariances)
     assert moved.origins_differ
@@ -140,7 +140,7 @@ def test_other_origins_are_told_from_other_errors() -> None:
     assert not calibrated(*drawn()).origins_differ
 
 
-def test_a_known_error_has_its_known_distance() -> None:
+def test_the_nees_of_a_known_error() -> None:
     """0.2 rad about y at sigma 0.1, and 0.6 m along the body's z at sigma 0.3: 4 + 4."""
     truth = RigidTransform.concatenate([RigidTransform.identity(), MOVE])
     off = RigidTransform.from_exp_coords([[0, 0.2, 0, 0, 0, 0.6]])
@@ -159,8 +159,8 @@ def test_a_known_error_has_its_known_distance() -> None:
         ((), (0.0,) * 6),
     ],
 )
-def test_what_no_instrument_measured_is_aligned_at_the_first_pose(unmeasured, motion):
-    """The estimate is the truth moved about its first pose in just these directions; the rest may not be moved."""
+def test_unmeasured_directions_are_aligned_at_the_first_pose(unmeasured, motion):
+    """The estimate is the truth moved about its first pose in the unmeasured directions alone."""
     truth = drawn()[1]
     covariances = np.broadcast_to(np.diag([0.01**2] * 3 + [0.1**2] * 3), (len(truth), 6, 6))
     place = RigidTransform.from_translation(truth[0].translation)
@@ -175,6 +175,6 @@ def test_what_no_instrument_measured_is_aligned_at_the_first_pose(unmeasured, mo
     assert calibrated(raised, truth, covariances, ("heading", "east", "north")).nees.min() > 50
 
 
-def test_an_anchor_alone_says_nothing() -> None:
+def test_a_single_pose_has_no_calibration() -> None:
     found, truth, covariances = drawn()
     assert calibrate_poses(found[:1], truth[:1], covariances[:1]) is None

@@ -1,4 +1,4 @@
-"""What the tests of experiments share: the fake among them."""
+"""The fake experiment that the tests share."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +23,7 @@ def draw(path: Path, frame: pd.DataFrame, _settings: SimpleNamespace) -> None:
 
 @pytest.fixture
 def faked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The table of experiments has the fake, which shows a table, a time and a picture."""
+    """Add the fake experiment, with a table, a table of times and a figure."""
     entry = ExperimentEntry("Fig. 0", fake_experiment.__name__, ("seed",))
     for module in ("lab.reproduce.experiments", "lab.reproduce.folder", "command.verbs.reproduce"):
         monkeypatch.setattr(f"sonarmap.tools.{module}.EXPERIMENTS", {**EXPERIMENTS, "fake": entry})

@@ -1,4 +1,4 @@
-"""Evidence that is recorded, and the confidence that is fitted to it."""
+"""Recorded evidence, and the confidence that is fitted to it."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ def rows() -> list[Row]:
 
 
 @pytest.mark.slow
-def test_what_was_recorded_is_judged_as_when_it_was_registered(rows: list[Row]) -> None:
+def test_recorded_pairs_have_the_clues_of_their_registration(rows: list[Row]) -> None:
     pairs = recorded_pairs(rows)
     assert {pair.cells["set"] for pair in pairs} == {"patch", "sound_speed", "unrelated", "distorted"}
     pair = next(pair for pair in draw("patch", 0, SEED, 64))
@@ -42,7 +42,7 @@ def test_what_was_recorded_is_judged_as_when_it_was_registered(rows: list[Row]) 
 
 
 @pytest.mark.slow
-def test_the_fit_is_a_table_that_the_package_reads(
+def test_the_fitted_table_has_the_layout_of_the_package(
     rows: list[Row], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     experiment = create("confidence", Request(choose_device(), quick=True, seed=SEED))
@@ -61,7 +61,7 @@ def test_the_fit_is_a_table_that_the_package_reads(
     assert written["made"]["pairs"] == whole["pairs"]
 
 
-def test_the_logistic_is_what_made_the_rows() -> None:
+def test_the_fit_recovers_a_known_logistic() -> None:
     rng = np.random.default_rng(1)
     columns, share = rng.normal(size=(20_000, 3)), rng.uniform(0.3, 1.0, 20_000)
     right = rng.random(20_000) < share * expit(0.5 + columns @ [1.0, -2.0, 0.0])
@@ -71,10 +71,10 @@ def test_the_logistic_is_what_made_the_rows() -> None:
 
 
 @pytest.mark.slow
-def test_the_table_is_not_older_than_what_it_was_fitted_on() -> None:
-    """What the registration measures of a few pairs is what it measured when the table was written.
+def test_the_fitted_table_is_up_to_date() -> None:
+    """The clues of a few reference pairs are those of when the table was written.
 
-    Where it is not: `sonarmap reproduce confidence -o OUT --write`.
+    If not: `sonarmap reproduce confidence -o OUT --write`.
     """
     found = reference(choose_device())
     assert found.keys() == FITTED["reference"].keys()

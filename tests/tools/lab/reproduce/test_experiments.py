@@ -1,4 +1,4 @@
-"""What the command line asks of experiments: which of them, with which settings; what is refused."""
+"""Choice of experiments and of their settings by the command line, and refused options."""
 
 import pytest
 
@@ -18,7 +18,7 @@ from tests.samples.refusals import refuses
         ("real", {"folder": "DIR", "known": "depth"}, ("real",)),
     ],
 )
-def test_by_name_or_all_of_the_papers(name: str, options: dict, names: tuple[str, ...]) -> None:
+def test_experiments_are_chosen_by_name_or_all_of_the_paper(name: str, options: dict, names: tuple[str, ...]) -> None:
     assert chosen(name, Request(**options)) == names
     assert [each for each in EXPERIMENTS if EXPERIMENTS[each].timed] == ["survey", "scale"]
 
@@ -33,27 +33,27 @@ def test_by_name_or_all_of_the_papers(name: str, options: dict, names: tuple[str
         ("pairs", {"folder": "DIR"}, "reproduce pairs simulates its scans, so the folder DIR"),
     ],
 )
-def test_what_has_no_effect_is_refused(name: str, options: dict, words: str) -> None:
+def test_options_without_effect_are_refused(name: str, options: dict, words: str) -> None:
     refuses(words, chosen, name, Request(**options))
 
 
-def test_the_command_that_asks_for_the_same_names_no_folder() -> None:
+def test_the_repeated_command_names_no_folder() -> None:
     options = {"quick": True, "seed": 0, "sigma2": (1.0, 2.5), "method": ("kiss",), "folder": "/where/it/lies"}
-    asked = Request(**options)
+    request = Request(**options)
     wanted = "sonarmap reproduce x DIR --quick --sigma2 1 --sigma2 2.5 --seed 0 --method kiss"
-    assert sorted(asked.command("x").split()) == sorted(wanted.split())
+    assert sorted(request.command("x").split()) == sorted(wanted.split())
 
 
-def test_options_go_before_what_is_quick_and_that_before_what_is_usual() -> None:
-    usual = {"scenes": ("a", "b"), "seeds": 9, "first_seed": 7, "edges": (128, 256)}
+def test_options_override_quick_settings_and_those_the_defaults() -> None:
+    defaults = {"scenes": ("a", "b"), "seeds": 9, "first_seed": 7, "edges": (128, 256)}
     quick = {"seeds": 1, "edges": (128,)}
-    assert vars(as_asked(Request(scene="c"), usual, quick)) == usual | {"scenes": ("c",)}
-    assert vars(as_asked(Request(quick=True, seed=2, grid=64), usual, quick)) == {
+    assert vars(as_asked(Request(scene="c"), defaults, quick)) == defaults | {"scenes": ("c",)}
+    assert vars(as_asked(Request(quick=True, seed=2, grid=64), defaults, quick)) == {
         **{"scenes": ("a", "b"), "seeds": 1, "first_seed": 2, "edges": (64,)}
     }
 
 
-def test_methods_that_are_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_methods_are_left_out_unless_requested(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(*_: object) -> None:
         raise InputError("the method kiss needs the package kiss-matcher")
 

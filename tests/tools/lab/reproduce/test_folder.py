@@ -1,4 +1,4 @@
-"""The files of an experiment, and the verb that makes them."""
+"""The files of an experiment, and the command that makes them."""
 
 import json
 from pathlib import Path
@@ -12,10 +12,10 @@ from sonarmap.tools.lab.reproduce.folder import write_rows
 from sonarmap.tools.lab.reproduce.run import JOURNAL
 from tests.samples.experiments import fake_experiment
 from tests.samples.experiments.fake_experiment import fake
-from tests.tools.lab.reproduce.test_run import ALIKE, bytes_of, complete
+from tests.tools.lab.reproduce.test_run import REPRODUCIBLE, bytes_of, complete
 
 pytestmark = pytest.mark.usefixtures("faked")
-FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
+FILES = {*REPRODUCIBLE, "fake-seconds.csv", "fake-times.md", "fake.json"}
 
 
 def reproduce(*arguments: str) -> Result:
@@ -27,7 +27,7 @@ def files_in(folder: Path) -> set[str]:
 
 
 class TestFolder:
-    def test_all_or_none(self, tmp_path: Path) -> None:
+    def test_all_files_are_written_or_none(self, tmp_path: Path) -> None:
         complete(tmp_path)
         before = bytes_of(tmp_path)
         (tmp_path / "fake.md").unlink()
@@ -39,14 +39,14 @@ class TestFolder:
         assert bytes_of(tmp_path) == before
         assert files_in(tmp_path) == FILES
 
-    def test_csv_cells(self, tmp_path: Path) -> None:
+    def test_cells_of_csv_files(self, tmp_path: Path) -> None:
         rows = [{"a": True, "b": -1e-9, "c": 3, "d": "S0, S1"}, {"a": False, "b": float("nan"), "c": -4}]
         write_rows(tmp_path / "a.csv", rows)
         assert (tmp_path / "a.csv").read_bytes() == b'a,b,c,d\n1,0.0000,3,"S0, S1"\n0,,-4,\n'
 
 
 class TestCommand:
-    def test_all(self, tmp_path: Path) -> None:
+    def test_the_command_writes_all_files(self, tmp_path: Path) -> None:
         arguments = ["fake", "--seed", "3", "-o", str(tmp_path / "out")]
         shown = reproduce(*arguments)
         assert (shown.exit_code, shown.exception) == (0, None)
@@ -56,7 +56,7 @@ class TestCommand:
         assert "\nsonarmap reproduce fake --seed 3\n" in (tmp_path / "out" / "fake.md").read_text()
         assert reproduce(*arguments).stderr == "fake: 5 of 5 jobs were done before\n"
 
-    def test_json(self, tmp_path: Path) -> None:
+    def test_json_has_tables_and_files(self, tmp_path: Path) -> None:
         shown = reproduce("fake", "-o", str(tmp_path), "--json")
         assert (shown.exit_code, shown.stderr) == (0, "")
         printed = json.loads(shown.stdout)["experiments"][0]
@@ -64,7 +64,7 @@ class TestCommand:
         assert printed["tables"][1]["headings"] == ["high", "mean"]
         assert {Path(name).name for name in printed["files"]} == FILES
 
-    def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_an_interrupted_run_is_resumed(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(fake_experiment, "create", lambda _: fake(end="interrupt d"))
         shown = reproduce("fake", "-o", str(tmp_path))
         assert shown.exit_code == 130
@@ -82,7 +82,7 @@ class TestCommand:
             (["fake"], "cannot write"),
         ],
     )
-    def test_refused(self, tmp_path: Path, arguments: list[str], words: str) -> None:
+    def test_unusable_arguments_are_refused(self, tmp_path: Path, arguments: list[str], words: str) -> None:
         if words == "cannot write":
             (tmp_path / "out").write_text("a file")
         shown = reproduce(*arguments, "-o", str(tmp_path / "out"))

@@ -1,4 +1,4 @@
-"""Every experiment in a tiny form: its rows hold no times, its page has its tables and picture, the same each time."""
+"""Every experiment in a tiny form: rows without times, and a reproducible page with tables and picture."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ TINY = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_a_page_that_is_the_same_each_time(name: str, device: Device, tmp_path: Path) -> None:
+def test_the_page_of_an_experiment_is_reproducible(name: str, device: Device, tmp_path: Path) -> None:
     folder = put(tmp_path / "in") if EXPERIMENTS[name].folder else None
     experiment = create(name, Request(device, quick=True, folder=folder, **TINY[name]))
     origin = provenance(experiment, device)

@@ -1,4 +1,4 @@
-"""Pairs by every method: which there are, and a registration compared with navigation alone."""
+"""Pairs of the evaluation, and a registration compared with navigation alone."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ PAIR = KindPair(
 
 
 def navigated(pair: KindPair) -> tuple[PosePrior, PosePrior]:
-    """What navigation measures of both scans."""
+    """Navigation priors of target and source."""
     instruments = PRIORS[NAVIGATION]
     assert instruments is not None
     given = pair.with_priors(instruments)
@@ -40,7 +40,7 @@ def navigated(pair: KindPair) -> tuple[PosePrior, PosePrior]:
 
 
 def registration(error: np.ndarray, sigmas: np.ndarray) -> Registration:
-    """Off by `error` and with standard deviations `sigmas`, both along the source's axes [m]."""
+    """Registration off by `error` with standard deviations `sigmas`, both along the source's axes [m]."""
     T = PAIR.T_target_source * RigidTransform.from_translation(error)
     return Registration(T, np.diag(np.concatenate([np.full(3, 1e-6), sigmas**2])), 20.0, 0.3, True, 1.0)
 
@@ -62,7 +62,7 @@ class TestNavigation:
         assert np.linalg.norm(navigation) == pytest.approx(np.linalg.norm(off))
 
     def test_the_covariance_of_navigation_is_that_of_its_errors(self) -> None:
-        """Roll, pitch and heading turn the way to the source; positions and depths err besides."""
+        """Errors of roll, pitch and heading rotate the vector to the source; those of position and depth add to it."""
         draws = []
         for number in range(100):
             target, source = navigated(replace(PAIR, number=number))
@@ -70,12 +70,12 @@ class TestNavigation:
             draws.append(off @ np.linalg.solve(navigation_covariance(target, source), off))
         assert np.mean(draws) == pytest.approx(3.0, abs=4 * np.sqrt(6 / 100))
 
-    def test_a_refused_registration_has_none(self) -> None:
+    def test_a_refused_registration_has_no_cells(self) -> None:
         assert navigation_cells(refused("why"), PAIR.T_target_source, *navigated(PAIR)) == {}
 
 
 class TestPairs:
-    def test_the_truth_lays_the_shared_points_on_each_other(self) -> None:
+    def test_the_truth_aligns_the_shared_points(self) -> None:
         pair = related(4, 3, "any", 32)
         assert pair is not None
         assert pair.truth is not None
@@ -83,7 +83,7 @@ class TestPairs:
         assert np.median(tree.query(pair.truth.apply(pair.source.points))[0]) < pair.grid.voxel
         assert tree.query(pair.source.points)[0].mean() > 3 * pair.grid.voxel
 
-    def test_jobs_do_not_depend_on_how_many_pairs_are_asked_for(self) -> None:
+    def test_jobs_do_not_depend_on_the_number_of_pairs(self) -> None:
         few, many = (create("pairs", Request(set=("overlap",), pairs=n, method=("icp",))).jobs for n in (6, 20))
         assert set(few) < set(many)
         assert few == ["yaw/000/icp", "yaw/001/icp", "any/000/icp"]

@@ -1,4 +1,4 @@
-"""Real scans in folders: pairs, files, options, rows, tables, and what makes jobs run again."""
+"""Real scans in folders: sets of pairs, their digests, refused folders, and rows."""
 
 import shutil
 from pathlib import Path
@@ -22,7 +22,7 @@ class TestSets:
         assert (pair.target.name, pair.source.name) == ("0.npy", "cloud_bin_1.ply")
         np.testing.assert_allclose(pair.T_target_source.as_matrix(), simulated()[2].as_matrix(), atol=1e-8)
 
-    def test_folders_in_it_are_sets_in_natural_order_under_the_names_that_they_have_there(self, tmp_path: Path) -> None:
+    def test_subfolders_are_sets_in_natural_order(self, tmp_path: Path) -> None:
         for name in ("set10", "set2"):
             put(tmp_path / "all" / name)
         put(tmp_path / "elsewhere")
@@ -32,7 +32,7 @@ class TestSets:
         assert without_truth(tmp_path / "all") == ("without",)
         assert without_truth(tmp_path / "elsewhere") == ()
 
-    def test_the_digest_is_of_all_that_decides_and_of_nothing_else(self, tmp_path: Path) -> None:
+    def test_the_digest_covers_only_files_that_are_read(self, tmp_path: Path) -> None:
         def digest(of: str = "a") -> str:
             return read_sets(tmp_path / of)[0].digest
 
@@ -51,7 +51,7 @@ class TestSets:
             seen.add(digest())
         assert len(seen) == 5
 
-    def test_folders_that_cannot_be_used(self, tmp_path: Path) -> None:
+    def test_unusable_folders_are_refused(self, tmp_path: Path) -> None:
         refuses(r"there is no folder .*none; give one that holds scans and a gt.log", read_sets, tmp_path / "none")
         (tmp_path / "a").mkdir()
         refuses(r"nor a folder in it has a gt\.log; wanted for every pair", read_sets, tmp_path)
@@ -65,7 +65,7 @@ class TestSets:
 
 class TestRuns:
     @pytest.mark.slow
-    def test_a_registration_of_the_truth_is_right_and_a_turned_truth_makes_it_wrong(
+    def test_a_registration_is_right_by_the_truth_and_wrong_by_a_turned_truth(
         self, tmp_path: Path, device: Device
     ) -> None:
         folder = put(tmp_path / "quay")

@@ -1,4 +1,4 @@
-"""Cells of registrations, with errors that are known."""
+"""Cells of registrations with known errors."""
 
 import math
 
@@ -16,7 +16,7 @@ COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
 
 
 @pytest.mark.parametrize("axis", range(6))
-def test_one_deviation_along_any_axis_of_the_body_counts_one(axis: int) -> None:
+def test_the_nees_of_one_sigma_along_any_body_axis_is_one(axis: int) -> None:
     """T_true = T_estimate Exp(xi): the tangent is the source's, rotation first."""
     xi = np.eye(6)[axis] * np.sqrt(np.diag(COVARIANCE))
     estimate = TRUTH * RigidTransform.from_exp_coords(xi).inv()
@@ -24,12 +24,12 @@ def test_one_deviation_along_any_axis_of_the_body_counts_one(axis: int) -> None:
     assert nees(estimate, COVARIANCE / 4, TRUTH) == pytest.approx(4.0, rel=1e-9)
 
 
-def test_no_covariance_no_number() -> None:
+def test_the_nees_without_a_covariance_is_nan() -> None:
     for covariance in (np.full((6, 6), np.nan), np.zeros((6, 6))):
         assert math.isnan(nees(TRUTH, covariance, TRUTH))
 
 
-def test_cells() -> None:
+def test_cells_have_errors_and_sigmas() -> None:
     estimate = TRUTH * RigidTransform.from_components([0.0, 0.0, 0.6], Rotation.from_euler("x", 5, degrees=True))
     registration = Registration(estimate, COVARIANCE, 21.0, 0.6, True, 9.9, "so")
     cells = errors(registration, TRUTH, 0.25) | claims(registration)
@@ -41,13 +41,13 @@ def test_cells() -> None:
     assert 9.9 not in cells.values()
 
 
-def test_what_is_refused_says_nothing() -> None:
+def test_cells_of_a_refused_registration_are_nan() -> None:
     cells = errors(refused("why"), TRUTH, 0.25) | claims(refused("why"))
     assert (cells["right"], cells["accepted"], cells["reason"]) == (False, False, "why")
     assert all(math.isnan(float(cells[key])) for key in ("nees", "psr", "probability", "sigma_m"))
 
 
-def test_the_bound_on_tilt_is_lifted_where_there_is_one(device: Device) -> None:
+def test_the_tilt_bound_is_lifted_in_methods_that_have_one(device: Device) -> None:
     bounded, free = (registrar("hemisphere", Grid(16, 1.0), device.selector, bound) for bound in (None, math.pi))
     # pyrefly: ignore[missing-attribute]
     assert (bounded.config.max_tilt, free.config.max_tilt) == (math.radians(35), math.pi)

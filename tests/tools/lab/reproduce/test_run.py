@@ -1,4 +1,4 @@
-"""Experiments: stopped, resumed, in other processes, with what decides a result."""
+"""Runs of experiments: stopping, resuming, keys of results, and worker processes."""
 
 import math
 import signal
@@ -24,7 +24,7 @@ from tests.samples.experiments.fake_experiment import JOBS, fake, origin
 from tests.samples.experiments.real_folders import put
 
 pytestmark = pytest.mark.usefixtures("faked")
-ALIKE = ("fake.csv", "fake.md", "fake.png")
+REPRODUCIBLE = ("fake.csv", "fake.md", "fake.png")
 KILLED = f"""
 import sys; sys.path.insert(0, {str(ROOT.parent)!r})
 from contextlib import nullcontext
@@ -42,29 +42,29 @@ def silence(_label: str, _total: int) -> Iterator:
 
 
 def complete(folder: Path, experiment: Experiment | None = None, fresh: bool = False) -> tuple[list[str], list[str]]:
-    """Run to the end and write; the jobs that were run, and what was said."""
-    experiment, said = experiment or fake(), []
+    """Run an experiment and write its files; the jobs that ran, and the notes."""
+    experiment, notes = experiment or fake(), []
     fake_experiment.ran.clear()
-    result = run(experiment, origin(experiment), folder, silence, RunOptions(fresh), said.append)
+    result = run(experiment, origin(experiment), folder, silence, RunOptions(fresh), notes.append)
     write_experiment(folder, experiment, result, result.rows, origin(experiment), "sonarmap reproduce fake")
-    return [*fake_experiment.ran], said
+    return [*fake_experiment.ran], notes
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:
-    return {name: (folder / name).read_bytes() for name in ALIKE}
+    return {name: (folder / name).read_bytes() for name in REPRODUCIBLE}
 
 
 class TestStopping:
     def test_killed_and_resumed_gives_the_bytes_of_an_undisturbed_run(self, tmp_path: Path) -> None:
         killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / "killed")], capture_output=True)
         assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
-        resumed, said = complete(tmp_path / "killed")
+        resumed, notes = complete(tmp_path / "killed")
         undisturbed, _ = complete(tmp_path / "whole")
         assert (resumed, undisturbed) == (["d", "e"], list(JOBS))
-        assert said == ["fake: continuing: 3 of 5 jobs were done"]
+        assert notes == ["fake: continuing: 3 of 5 jobs were done"]
         assert bytes_of(tmp_path / "killed") == bytes_of(tmp_path / "whole")
 
-    def test_jobs_that_are_done_are_not_run_again_but_with_fresh_which_leaves_others(self, tmp_path: Path) -> None:
+    def test_finished_jobs_run_again_only_with_fresh(self, tmp_path: Path) -> None:
         complete(tmp_path, fake(seed=2))
         complete(tmp_path)
         assert complete(tmp_path) == ([], ["fake: 5 of 5 jobs were done before"])
@@ -76,13 +76,13 @@ class TestStopping:
         before = bytes_of(tmp_path)
         with closing(sqlite3.connect(tmp_path / JOURNAL)) as database, database:
             database.execute("UPDATE entry SET content = '[1]' WHERE label = 'fake c'")
-        again, said = complete(tmp_path)
+        again, notes = complete(tmp_path)
         assert again == ["c"]  # as its label says
-        assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in said[0]
+        assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in notes[0]
         assert bytes_of(tmp_path) == before
 
 
-def test_numbers_come_back_bit_by_bit_and_what_is_no_finite_number_as_nan(tmp_path: Path) -> None:
+def test_finite_numbers_are_read_exactly_and_others_as_nan(tmp_path: Path) -> None:
     row = {"a": 0.1 + 0.2, "b": 1 / 3, "c": 5e-324, "d": 2**63, "e": True, "f": "S0 | \u2028 \r\n", "g": -0.0}
     strange = Outcome(({"x": math.nan, "y": math.inf},))
     whole = Outcome((row,), ({"s": 0.5},))
@@ -109,7 +109,7 @@ class TestKey:
             {"name": "other"},
         ],
     )
-    def test_all_that_decides_rows_counts_and_the_host_does_not(self, changes: dict[str, object]) -> None:
+    def test_the_key_depends_on_all_that_changes_rows_but_not_on_the_host(self, changes: dict[str, object]) -> None:
         assert origin(fake()).key("a") != origin(fake(), **changes).key("a")
         assert origin(fake()).key("a") == origin(fake(), processor="another", cores=64).key("a")
         assert Provenance(**to_json(origin(fake(), **changes))) == origin(fake(), **changes)
@@ -141,7 +141,7 @@ def workers(count: int, scene: str | None = None) -> RunOptions:
 
 class TestWorkers:
     @pytest.mark.slow
-    def test_rows_are_those_of_one_process(self, tmp_path: Path) -> None:
+    def test_workers_give_the_rows_of_one_process(self, tmp_path: Path) -> None:
         alone = run(fake(), origin(fake()), tmp_path / "alone", silence)
         shared = run(fake(), origin(fake()), tmp_path / "shared", silence, workers(2))
         # by text, as one of the values is NaN
@@ -152,6 +152,6 @@ class TestWorkers:
     @pytest.mark.parametrize(
         ("scene", "words"), [("error b", "no scene is called 'b'"), ("kill b", "use fewer")], ids=["error", "killed"]
     )
-    def test_the_error_of_a_job_and_a_killed_process_are_errors(self, tmp_path: Path, scene: str, words: str) -> None:
+    def test_a_failed_job_and_a_killed_process_are_errors(self, tmp_path: Path, scene: str, words: str) -> None:
         with pytest.raises(InputError, match=words):
             run(fake(), origin(fake()), tmp_path, silence, workers(1, scene=scene))

@@ -1,4 +1,4 @@
-"""Mapped surveys: what is counted, on given poses and pairs and on tiny maps, and how times grow."""
+"""Rows of mapped surveys, for given poses and pairs and for tiny maps."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +36,7 @@ def ring_survey() -> SimulatedSurvey:
 
 
 def mapped(survey: SimulatedSurvey, height: float = 0.0) -> MappedSurvey:
-    """Everything as it truly is, in another frame, but two wrong pairs; the map lies `height` above the floor [m]."""
+    """The true survey in another frame, except two wrong pairs; the map lies `height` [m] above the floor."""
     placed = [k for k in range(COUNT) if k != UNUSABLE]
     T = survey.truth.T_world_sensor
     pairs = (
@@ -70,7 +70,7 @@ class TestRows:
                 [pose[f"{axis}_true_m"] for axis in "xyz"]
             )
 
-    def test_pairs_by_role_and_between_dives(self) -> None:
+    def test_pairs_are_counted_by_role_and_between_dives(self) -> None:
         row = survey_rows(ring_survey(), mapped(ring_survey()), VOXEL)[0]
         fates = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
         counts = {
@@ -84,7 +84,7 @@ class TestRows:
         }
         assert (row["pairs"], row["unusable_kept"]) == (5, 1)
 
-    def test_the_map_is_held_against_the_surface(self) -> None:
+    def test_the_map_is_compared_with_the_surface(self) -> None:
         row = survey_rows(ring_survey(), mapped(ring_survey(), 0.3), VOXEL)[0]
         assert row["map_median_m"] == pytest.approx(0.3, abs=1e-6)
         assert row["map_within_voxel"] == pytest.approx(2 / 3)
@@ -92,7 +92,7 @@ class TestRows:
         assert row["map_twice_p90_m"] == pytest.approx(0.3, abs=1e-6)
 
 
-def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_consecutive_dives_have_the_scans_of_each_dive_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = lambda *given: replace(plan(*given), sensor=COARSE, noise=QUIET)  # noqa: E731
     monkeypatch.setattr(simulated, "plan", coarse)
     both, second, first = (simulate_survey("floodgate", 3, 4, 0.25, dives) for dives in ((2, 1), (2,), (1,)))
@@ -105,7 +105,7 @@ def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pyt
 
 
 @pytest.mark.slow
-def test_what_was_registered_is_decided_again(device: Device, tmp_path: Path) -> None:
+def test_decisions_reuse_the_stored_registrations(device: Device, tmp_path: Path) -> None:
     settings = {"scenes": ("floodgate",), "seeds": 1, "first_seed": 5, "scans": 5, "edge": 64}
     request = Request(device, folder=tmp_path, settings=settings)
     (first, again) = (create("decisions", request).run("floodgate-5").rows for _ in range(2))

@@ -25,7 +25,7 @@ def test_the_envelope_is_a_chessboard_distance(margin: int):
     assert_array_equal(envelope(occupied, margin), expected)
 
 
-def test_an_envelope_of_nothing_is_empty_and_none_is_everywhere():
+def test_the_envelope_of_no_voxel_is_empty_and_without_margin_everywhere():
     void = np.zeros(SHAPE, bool)
     assert not envelope(void, 5).any()
     assert envelope(void, None).all()
@@ -51,17 +51,17 @@ def test_each_of_the_papers_noises_flips_its_share_of_its_region(name: str, rati
     assert margin is None or flipped[region & ~envelope(occupied, margin - 1)].any()
 
 
-def test_occupied_and_void_voxels_flip_alike_and_anywhere():
+def test_occupied_and_void_voxels_flip_equally_often_everywhere():
     occupied = generator(1).random((64, 60, 56)) < 0.3
     before = occupied.copy()
     flipped = swap(occupied, VoxelNoise(0.04, None), generator()) ^ occupied
     assert_array_equal(occupied, before)
-    # of n voxels, a share 0.04: four standard errors
+    # within four standard errors of the share
     for part in (occupied, ~occupied, *(np.indices(occupied.shape) < 25)):
         assert abs(flipped[part].mean() - 0.04) < 4 * np.sqrt(0.04 * 0.96 / part.sum())
 
 
-def test_one_seed_flips_the_same_voxels_and_another_others():
+def test_the_seed_decides_which_voxels_flip():
     occupied, noise = scattered(0.01), VoxelNoise(0.1, 1)
     assert_array_equal(swap(occupied, noise, generator()), swap(occupied, noise, generator()))
     assert (swap(occupied, noise, generator()) != swap(occupied, noise, generator(4))).any()

@@ -1,4 +1,4 @@
-"""Several dives over one scene: the same surface, the same path, and everything else anew."""
+"""Several dives over one scene: the same surface and path, other waves and noise."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +40,7 @@ def test_a_second_dive_follows_the_same_path(scene: str) -> None:
     assert np.median(off) > 0.1 * scale
 
 
-def test_a_second_dive_is_of_the_same_scene_with_other_waves_and_noise() -> None:
+def test_a_second_dive_has_the_same_scene_with_other_waves_and_noise() -> None:
     first, second = simulate(SETTINGS), simulate(replace(SETTINGS, dive=2))
     assert_array_equal(first.truth.stamps, second.truth.stamps)
     moved = first.truth.T_world_sensor.translation - second.truth.T_world_sensor.translation
@@ -56,11 +56,11 @@ def test_a_second_dive_is_of_the_same_scene_with_other_waves_and_noise() -> None
 @pytest.mark.parametrize(
     "change", [{"dive": 0}, {"dive": 2, "trajectory": "paper18"}, {"dive": 2, "trajectory": "table1"}]
 )
-def test_a_dive_that_cannot_be_is_refused(change: dict) -> None:
+def test_an_impossible_dive_is_refused(change: dict) -> None:
     refuses("dive", replace, SETTINGS, **change)
 
 
-def test_the_command_takes_a_dive_alone_or_beside_like(tmp_path: Path) -> None:
+def test_the_command_takes_a_dive_alone_or_with_like(tmp_path: Path) -> None:
     options = ("--trajectory", "lawnmower", "--scans", "1", "--seed", "14", "--quiet")
     assert sonarmap("simulate", *options, "-o", tmp_path / "one").exit_code == 0
     assert sonarmap("simulate", *options, "--dive", "2", "-o", tmp_path / "two").exit_code == 0

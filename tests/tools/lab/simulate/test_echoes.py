@@ -80,7 +80,7 @@ def test_full_speckle_is_exponential_and_keeps_the_mean():
 
 
 @pytest.mark.parametrize("noise", [QUIET, Noise(speckle=0.5), ALL])
-def test_a_higher_threshold_keeps_a_part_of_the_same_beams(noise: Noise):
+def test_a_higher_threshold_keeps_a_subset_of_the_beams(noise: Noise):
     echoes, ghosts = varied()
     before = None
     for threshold in (0.0, 0.05, 0.2, 0.6):
@@ -94,7 +94,7 @@ def test_a_higher_threshold_keeps_a_part_of_the_same_beams(noise: Noise):
 
 
 @pytest.mark.parametrize("change", [{"speckle": 0.0}, {"outliers": 0.0}, {"dropouts": 0.0}, {"ghosts": 0.0}])
-def test_one_setting_leaves_the_other_draws_alone(change: dict[str, float]):
+def test_switching_one_noise_off_keeps_the_draws_of_the_others(change: dict[str, float]):
     echoes, ghosts = varied()
     sensor = bare(ECLIPSE)
     all_on = disturb(echoes, sensor, ALL, generator(), ghosts).ranges
@@ -106,7 +106,7 @@ def test_one_setting_leaves_the_other_draws_alone(change: dict[str, float]):
 
 
 @pytest.mark.parametrize(("sensor", "step"), [(ECLIPSE, 0.025), (replace(PAPER, resolution=0.3), 0.3)])
-def test_ranges_come_in_steps_of_the_resolution(sensor: Sensor, step: float):
+def test_ranges_are_multiples_of_the_resolution(sensor: Sensor, step: float):
     echoes, ghosts = varied()
     heard = disturb(echoes, replace(sensor, threshold=0.0), QUIET, generator()).ranges
     seen = np.isfinite(echoes.ranges)
@@ -122,7 +122,7 @@ def test_ranges_come_in_steps_of_the_resolution(sensor: Sensor, step: float):
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("scene", "wanted"), [("floodgate", 90), ("clutter", 80)])
 def test_the_threshold_narrows_the_eclipses_field_to_about_90_degrees(scene: str, wanted: float):
-    """Paper Sect. 4.1: about 90 degrees of 120. The clutter is seen from 20 m above the water: longer ways."""
+    """Paper Sect. 4.1: about 90 degrees of 120. The clutter is seen from 20 m above the water, over longer ranges."""
     widths, bare_widths = [], []
     for seed in (1, 2, 3):
         poses = survey(scene, 9, seed).T_world_sensor
@@ -138,7 +138,7 @@ def test_the_threshold_narrows_the_eclipses_field_to_about_90_degrees(scene: str
     assert min(bare_widths) > 119
 
 
-def test_wide_lobes_give_neighbors_one_range_and_lose_fewer_echoes():
+def test_wide_lobes_give_neighbors_equal_ranges_and_lose_fewer_echoes():
     rng = np.random.default_rng(3)
     echoes = Echoes(rng.uniform(20, 60, (96, 128)), np.full((96, 128), 0.5))
     sensor = replace(bare(ECLIPSE), threshold=0.3)
@@ -147,8 +147,8 @@ def test_wide_lobes_give_neighbors_one_range_and_lose_fewer_echoes():
     assert_array_equal(again, wide)
     seen = np.isfinite(wide)
     assert np.isfinite(thin).mean() < seen.mean()
-    alike = wide[:, 1:] == wide[:, :-1]
-    assert 0.35 < alike[seen[:, 1:] & seen[:, :-1]].mean() < 0.8
+    equal = wide[:, 1:] == wide[:, :-1]
+    assert 0.35 < equal[seen[:, 1:] & seen[:, :-1]].mean() < 0.8
     assert not (thin[:, 1:] == thin[:, :-1])[np.isfinite(thin[:, 1:])].any()
 
 

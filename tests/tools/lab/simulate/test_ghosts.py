@@ -1,4 +1,4 @@
-"""Multipath ghosts: as long as the distances over a flat bed, a wall and the water's surface."""
+"""Multipath ghosts over a flat bed, a wall and the water's surface."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def seen_from(depth: float) -> tuple[np.ndarray, Echoes, Echoes, float]:
     return directions, cast(BASIN, SENSOR, pose), reflect(BASIN, SENSOR, pose), WALL - 4.0
 
 
-def test_ghosts_over_bed_and_surface_lie_where_the_straight_way_goes():
+def test_ghosts_over_bed_and_surface_have_the_range_of_the_straight_path():
     depth = 3.0
     directions, echoes, ghosts, to_wall = seen_from(depth)
     x, z = directions[..., 0], directions[..., 2]
@@ -40,7 +40,7 @@ def test_ghosts_over_bed_and_surface_lie_where_the_straight_way_goes():
     level = (at_wall > 0) & (at_wall < depth)
     for part in (over_bed, over_water, over_wall, steep_up, level):
         assert part.sum() >= 10
-    # a mirror only folds the straight distance: as long as without it
+    # a mirror only folds the straight path, whose length stays the same
     assert_allclose(ghosts.ranges[over_bed], (to_wall / x)[over_bed], rtol=1e-9)
     assert_allclose(ghosts.ranges[over_water], (to_wall / x)[over_water], rtol=1e-9)
     down = np.where(above_bed < -z * SENSOR.max_range, above_bed / -z, np.inf)
@@ -53,7 +53,7 @@ def test_ghosts_over_bed_and_surface_lie_where_the_straight_way_goes():
     assert (ghosts.ranges[both] > echoes.ranges[both]).all()
 
 
-def test_a_ghost_is_as_strong_as_lambert_says_at_the_second_surface_less_the_mirror():
+def test_a_ghost_has_lamberts_strength_at_the_second_surface_less_the_mirrors_loss():
     directions, _, ghosts, to_wall = seen_from(3.0)
     x, z = directions[..., 0], directions[..., 2]
     over_bed = (to_wall / x * z < BED + 3.0) & (to_wall / x * z > 2 * BED + 3.0)
@@ -61,7 +61,7 @@ def test_a_ghost_is_as_strong_as_lambert_says_at_the_second_surface_less_the_mir
     assert_allclose(10 * np.log10(ghosts.strengths[over_bed]), decibel[over_bed], rtol=1e-6)
 
 
-def test_without_water_above_it_the_sensor_has_no_mirror_there():
+def test_above_the_water_upward_beams_have_no_ghosts():
     directions, echoes, ghosts, to_wall = seen_from(-5.0)
     rising = directions[..., 2] > 0.02
     assert rising.any()
@@ -85,6 +85,6 @@ def test_a_share_of_the_beams_reports_its_ghost():
     assert_array_equal(heard.ranges[~is_ghost], echoes.ranges[~is_ghost])
 
 
-def test_noise_with_ghosts_wants_them():
+def test_noise_with_ghosts_needs_their_echoes():
     echoes = Echoes(np.full((2, 3), 20.0), np.ones((2, 3)))
     refuses(r"wanted those of reflect\(\)", disturb, echoes, ECLIPSE, Noise(ghosts=0.1), np.random.default_rng(4))

@@ -1,4 +1,4 @@
-"""Navigation as it comes: sparse fixes, some wrong, and dead reckoning that drifts."""
+"""Simulated navigation: sparse fixes, some of them wrong, and dead reckoning that drifts."""
 
 import numpy as np
 import pytest
@@ -28,20 +28,20 @@ def test_positions_are_sparse_and_some_are_wrong() -> None:
     np.testing.assert_allclose(np.array(off)[wrong], OUTLIER, atol=2.5)
 
 
-def test_a_scan_of_which_nothing_is_left_has_no_prior() -> None:
+def test_a_scan_without_measurements_has_no_prior() -> None:
     positions = Instruments(attitude=np.inf, heading=np.inf, depth=np.inf)
     fixed = Fixes(every=50).of(measure_poses(TRUTH.T_world_sensor, positions, seed=3), seed=3)
     assert [k for k, prior in enumerate(fixed) if prior is not None] == [0, 50, 100, 150]
 
 
 @pytest.mark.slow
-def test_dead_reckoning_drifts_as_it_is_told() -> None:
-    way = np.linalg.norm(np.diff(TRUTH.T_world_sensor.translation, axis=0), axis=1).sum()
+def test_dead_reckoning_drifts_by_its_sigmas() -> None:
+    length = np.linalg.norm(np.diff(TRUTH.T_world_sensor.translation, axis=0), axis=1).sum()
     along, turned = [], []
     for seed in range(60):
         reckoned = dead_reckoning(TRUTH, 0.05, 0.001, seed).T_world_sensor
         steps = np.linalg.norm(np.diff(reckoned.translation, axis=0), axis=1).sum()
-        along.append(steps / way - 1)
+        along.append(steps / length - 1)
         end = (reckoned[0].inv() * reckoned[-1]).rotation
         true = (TRUTH.T_world_sensor[0].inv() * TRUTH.T_world_sensor[-1]).rotation
         turned.append((true.inv() * end).magnitude())
@@ -49,6 +49,6 @@ def test_dead_reckoning_drifts_as_it_is_told() -> None:
     assert np.sqrt(np.mean(np.square(turned))) == pytest.approx(0.001 * TRUTH.stamps[-1], rel=0.35)
 
 
-def test_bad_shares_are_refused() -> None:
+def test_unusable_settings_of_fixes_are_refused() -> None:
     refuses("fix_every", Fixes, every=0)
     refuses("fix_outliers", Fixes, outliers=1.5)

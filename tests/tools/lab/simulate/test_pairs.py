@@ -1,4 +1,4 @@
-"""Random pairs: their truth is true, their overlap as wanted, their rotations as told; and strangers share nothing."""
+"""Random pairs: truth, overlap and rotations of overlapping pairs, and unrelated pairs."""
 
 from dataclasses import replace
 from itertools import product
@@ -40,26 +40,26 @@ def _small(scene: str) -> Sensor:
 
 
 def _distances(target: Scan, source: Scan, T_target_source: RigidTransform) -> np.ndarray:
-    """Of the source's points to their nearest in the target [m]."""
+    """Distances [m] of the source's points to their nearest in the target."""
     return KDTree(target.points).query(T_target_source.apply(source.points))[0]
 
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("scene", "overlaps"), list(zip(SET_SCENES, SET_OVERLAPS * 2, strict=False)))
 @pytest.mark.parametrize("turn", ["view", "yaw", "any"])
-def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overlaps: tuple[float, float], turn: Turn):
+def test_a_turned_pair_fits_its_truth_and_the_wanted_overlap(scene: str, overlaps: tuple[float, float], turn: Turn):
     target, source, truth = random_pair(11, overlaps, QUIET, scene, _small(scene), Turning(turn, STEEP))
     radius = 2.0 * SCENE_KINDS[scene].scale
     assert overlaps[0] <= mutual_overlap(target.points, source.points, truth, radius) <= overlaps[1]
     common = (near := _distances(target, source, truth)) < radius
-    # turned about the source's own place by a little more, the points in common no longer lie on the target's
+    # after a further small rotation about the source, the common points no longer lie on the target
     for axis in np.deg2rad(4.0) * np.eye(3):
         off = truth * RigidTransform.from_rotation(Rotation.from_rotvec(axis))
         assert np.mean(_distances(target, source, off)[common]) > 1.15 * np.mean(near[common])
 
 
-def test_a_frame_turned_by_yaw_keeps_its_tilt_and_is_the_sensors_own_about_z():
-    """Roll 20 and pitch -31 degrees or what else is drawn: written out, not by the class's own composition."""
+def test_a_frame_turned_by_yaw_keeps_the_drawn_tilt_and_turns_about_z():
+    """Angles are compared one by one, without the class's own composition."""
     for seed in range(20):
         frame = draw_turn(Turning("yaw", STEEP), np.random.default_rng(seed))
         for aside, share in ((0.4, 0.0), (-1.1, 0.5), (0.7, 1.0)):
@@ -74,7 +74,7 @@ def test_a_frame_turned_by_yaw_keeps_its_tilt_and_is_the_sensors_own_about_z():
         assert_allclose(frame.R_target_sensor(0.3, 0.0).apply((0, 0, 1)), (0, 0, 1), atol=1e-12)
 
 
-def test_turns_are_spread_over_all_rotations():
+def test_turns_are_uniform_over_all_rotations():
     drawn = [draw_turn(Turning("any", STEEP), np.random.default_rng(seed)) for seed in range(3000)]
     matrices = np.array([frame.R.as_matrix() for frame in drawn])
     assert_allclose(matrices.mean(axis=0), 0.0, atol=0.05)
@@ -86,8 +86,8 @@ def test_turns_are_spread_over_all_rotations():
     assert_allclose(turned, np.linspace(-np.pi, np.pi, 3000), atol=0.15)
 
 
-def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():
-    """What a beam measures is its own; only the frame that the source is told in differs."""
+def test_a_turned_frame_does_not_change_ranges_and_noise():
+    """Beams measure the same; only the frame of the source's points differs."""
     noise = Noise(sigma2=0.3, outliers=0.03, dropouts=0.2, ghosts=0.02, speckle=1.0)
     pairs = [
         random_pair(4, (0.4, 0.6), noise, "clutter", _small("clutter"), Turning(turn, STEEP)) for turn in ("yaw", "any")
@@ -102,7 +102,7 @@ def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():
     assert (truth.rotation.inv() * other.rotation).magnitude() > 0.1
 
 
-def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.MonkeyPatch):
+def test_the_quick_check_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.MonkeyPatch):
     quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning("yaw"))
     monkeypatch.setattr(viewpoints, "DOUBT", 1.0)
     slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning("yaw"))
@@ -111,7 +111,7 @@ def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.Monk
 
 
 @pytest.mark.slow
-def test_an_unrelated_pair_is_its_seed_in_a_turned_frame():
+def test_an_unrelated_pair_depends_only_on_its_seed_and_tilt():
     noise = Noise(sigma2=0.1, ghosts=0.02, speckle=1.0)
     for scene in ("harbor", "manifold"):
         target, source = unrelated_pair(5, noise, STEEP, scene)
@@ -127,7 +127,7 @@ def test_an_unrelated_pair_is_its_seed_in_a_turned_frame():
     assert np.deg2rad(1) < largest_tilt(R_steep_level.inv()) <= 1.5 * STEEP
 
 
-def test_a_set_is_even_and_its_pairs_are_the_same_again():
+def test_a_set_covers_all_combinations_reproducibly():
     count = 15 * len(SET_SCENES)
     pairs = [evaluation_pair(number, 7, "yaw") for number in range(count)]
     share = {name: SCENE_KINDS[name].scale ** 2 for name in SET_SCENES}
@@ -143,8 +143,8 @@ def test_a_set_is_even_and_its_pairs_are_the_same_again():
 
 
 @pytest.mark.slow
-def test_a_pair_of_a_set_is_as_it_says():
-    """Number 1 is in the pool, with 20 to 40 percent in common; noise hides little of it at the pool's size."""
+def test_a_pair_of_a_set_has_its_scene_tilt_and_overlap():
+    """Number 1 is in the pool with an overlap of 20 to 40 percent, of which noise hides little."""
     pair = evaluation_pair(1, 3, "yaw")
     target, source, truth = pair.scans()
     again = pair.scans()

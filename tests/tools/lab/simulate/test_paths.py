@@ -1,4 +1,4 @@
-"""Where the sensor goes: clear of everything, round and back again, and the rows of Table 1."""
+"""Simulated trajectories: clearance, loops, lanes, and the rows of Table 1."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ from tests.samples.refusals import refuses
 
 SPHERE = np.random.default_rng(0).standard_normal((300, 3))
 SPHERE /= np.linalg.norm(SPHERE, axis=1, keepdims=True)
-# Nearest thing to a path that is allowed: heave, and what the sensor hangs on [m in a scene of 256 m]
+# Least distance of a path from the scene, for heave and the mount [m in a scene of 256 m]
 CLEARANCE = 2.5
 
 
@@ -44,7 +44,7 @@ def _clearance(scene: str, seed: int, path) -> float:
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("scene", SCENE_KINDS)
 @pytest.mark.parametrize("seed", [101])
-def test_paths_keep_clear_of_everything(scene: str, seed: int):
+def test_paths_keep_clear_of_the_scene(scene: str, seed: int):
     least = CLEARANCE * SCENE_KINDS[scene].scale
     assert _clearance(scene, seed, survey_path(scene, seed)) > least
     assert _clearance(scene, seed, lawnmower_path(scene, seed)) > least
@@ -55,7 +55,7 @@ def test_paths_keep_clear_of_everything(scene: str, seed: int):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [101])
 @pytest.mark.parametrize("trajectory", ["survey", "lawnmower", "loop"])
-def test_a_sensor_of_short_range_is_carried_near_enough_to_the_ship(trajectory: str, seed: int):
+def test_a_short_range_sensor_passes_near_enough_to_the_ship(trajectory: str, seed: int):
     settings = plan("ship", trajectory, "sonar3d15", seed)
     assert trajectory == "loop" or settings.spacing < 1.2
     assert settings.noise.sigma2 < 0.02
@@ -67,10 +67,10 @@ def test_a_sensor_of_short_range_is_carried_near_enough_to_the_ship(trajectory: 
         assert np.isfinite(cast(scene, SONAR_3D15, T).ranges).mean() > 0.05
 
 
-def test_lanes_look_where_they_go_and_close():
+def test_lanes_are_closed_and_head_along_the_path():
     path = lane_path(np.column_stack([lanes((-30, -20), (30, 20), 3, 2, east=True), np.full(9, -4.0)]), 3.0)
-    way = np.linspace(0, path.length, 4001)
-    places, heading = path.at(way)
+    distance = np.linspace(0, path.length, 4001)
+    places, heading = path.at(distance)
     step = np.diff(places, axis=0)
     assert_allclose(places[0], places[-1], atol=1e-9)
     assert_allclose(np.linalg.norm(step, axis=1), path.length / 4000, rtol=0.05)
@@ -94,7 +94,7 @@ def test_a_loop_ends_one_step_from_its_start(scene: str):
 
 @pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("scene", LAWNMOWER_PATHS)
-def test_a_long_lawnmower_crosses_its_own_way(scene: str):
+def test_a_long_lawnmower_crosses_its_own_path(scene: str):
     spacing = plan(scene, "lawnmower").spacing
     places = lawnmower(scene, 200, 3, spacing).T_world_sensor.translation
     apart = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=2)
@@ -103,7 +103,7 @@ def test_a_long_lawnmower_crosses_its_own_way(scene: str):
     assert np.ptp(places[:, 0]) > 0.35 * SCENE_KINDS[scene].size[0]
 
 
-def test_trajectories_that_cannot_be_are_refused():
+def test_impossible_trajectories_are_refused():
     for bad in (
         lambda: paper18("floodgate", 19, 0, ECLIPSE),
         lambda: paper18("harbor", 3, 0, ECLIPSE),
@@ -119,7 +119,7 @@ def test_trajectories_that_cannot_be_are_refused():
 FEW = replace(TABLE1_SENSOR, columns=64, rows=48)
 
 
-def test_table_1_moves_and_turns_as_the_paper_says():
+def test_table_1_has_the_papers_translations_and_rotations():
     """S8: 108, 72 and 36 voxels, yaw 54, roll 18, pitch 9 degrees, R = Rz Ry Rx written out."""
     transform = table1_transform(8)
     assert_allclose(transform.translation, (36, 72, 108))
@@ -140,15 +140,15 @@ LARGE = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
 @pytest.mark.parametrize("seed", range(1, 41, 20))
 @pytest.mark.slow
 def test_the_rig_of_table_1_is_free_in_every_large_scene(scene: str, seed: int):
-    """Nothing within 3 m of any of its places; and the bed is in sight of each."""
+    """Nothing is within 3 m of its positions, and each sees the bed."""
     world, poses = build_scene(scene, seed), table1(13).T_world_sensor
     assert surface_distance(world.mesh, poses.translation).min() > 3.0
     for pose in poses:
         assert np.isfinite(cast(world, FEW, pose).ranges).mean() > 0.15
 
 
-def test_table_1_pairs_obey_their_truth():
-    """Without noise most of S1's points lie near the reference's; turned the wrong way they do not."""
+def test_table_1_pairs_overlap_by_their_truth():
+    """Without noise most of S1's points lie near the reference's; by the inverse transform they do not."""
     target, source, T_target_source = table1_pair(1, seed=5, sigma2=0.0)
     assert overlap(target.points, source.points, T_target_source) > 0.8
     assert overlap(target.points, source.points, T_target_source.inv()) < 0.5

@@ -1,4 +1,4 @@
-"""The scenes with a layout: sized as told, decided by the seed, inside and outside told apart."""
+"""Scenes with a layout: sizes, solid and free places, and shared views."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,13 @@ from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, cast
 DOWN = np.array([[0.0, 0.0, -1.0]])
 
 
-def test_inside_is_told_from_outside_where_solids_overlap():
+def test_overlapping_solids_are_solid_inside_and_free_outside():
     scene = Scene("two", merge([box((0, 0, 0), (4, 4, 4)), box((1, 1, 1), (4, 4, 4))]))
     places = np.array([[0, 0, 0], [1, 1, 1], [2.5, 2.5, 2.5], [-1.5, 2.5, 0], [0, 0, -9], [0, 0, 9]], float)
     assert_array_equal(scene.is_solid(places), [True, True, True, False, False, False])
 
 
-def test_a_straight_tube_is_its_cylinder_and_a_bent_one_keeps_to_its_legs():
+def test_a_straight_tube_is_a_cylinder_and_a_bent_one_follows_its_legs():
     pipe = tube([(0, 0, 0), (10, 0, 0)], 0.5, sides=96)
     ranges, _ = Scene("pipe", pipe).intersect(
         np.array([[4.0, 0.0, 7.0], [4.0, 0.3, 7.0], [4.0, 0.51, 7.0]]), DOWN.repeat(3, 0)
@@ -34,7 +34,7 @@ def test_a_straight_tube_is_its_cylinder_and_a_bent_one_keeps_to_its_legs():
 
 
 @pytest.mark.parametrize("seed", [3])
-def test_a_pool_is_as_deep_as_told_and_nothing_is_outside_it(seed: int):
+def test_a_pool_has_the_depths_of_its_layout_and_nothing_is_outside_it(seed: int):
     layout, scene = pool_layout(seed), build_scene("pool", seed)
     assert (layout.depths[0], layout.depths[-1]) == (3.8, 1.2)
     x = np.linspace(-12.3, 12.3, 60)
@@ -55,7 +55,7 @@ def test_a_pool_is_as_deep_as_told_and_nothing_is_outside_it(seed: int):
 
 
 @pytest.mark.parametrize("seed", [5])
-def test_a_ship_lies_where_her_layout_says(seed: int):
+def test_a_ship_lies_as_in_its_layout(seed: int):
     layout, scene = ship_layout(seed), build_scene("ship", seed)
     turn = Rotation.from_euler("z", layout.heading)
     marks = np.array([(0.0, 0, -0.5 * layout.draft), (0.3 * layout.length, 0, -1), (0, 0, -layout.draft - 3.0)])
@@ -86,11 +86,11 @@ def test_a_bridges_piers_stand_along_its_axis_and_its_openings_are_clear(seed: i
         assert np.isclose(ranges[0], underside + 2.0, atol=2.0)
 
 
-def test_a_view_is_shared_where_both_look_and_nothing_hides_it():
+def test_a_shared_view_is_in_both_fans_and_not_hidden():
     wall = box((10.5, 0, 0), (1.0, 60.0, 60.0))
     fan = Sensor("fan", np.deg2rad(90), np.deg2rad(40), 65, 33, 0.1, 40.0)
     here = RigidTransform.identity()
-    # half as near: the wall from -5 to 5 m is seen instead of -10 to 10 m
+    # at half the distance: the wall is seen from -5 to 5 m instead of -10 to 10 m
     near = RigidTransform.from_translation((5.0, 0.0, 0.0))
     scene = Scene("wall", wall)
     assert shared_view(scene, fan, here, here) == 1.0

@@ -1,4 +1,4 @@
-"""The simulated sonar: what its fan sees, and the law of its noise."""
+"""The simulated sonar: its fan, what it sees, and its noise."""
 
 from dataclasses import replace
 
@@ -54,7 +54,7 @@ def test_a_cast_sees_the_wall_in_the_sensor_frame():
     assert_allclose(echoes.strengths[10, 16], sine**2 * 10 ** (-0.2 * ABSORPTION_DB * middle), rtol=1e-12)
 
 
-def test_only_what_is_near_enough_in_the_fan_and_not_hidden_is_seen():
+def test_only_unhidden_surfaces_within_range_and_fan_are_seen():
     near = box((20.0, 0, 0), (2.0, 2.0, 2.0))
     hidden = box((30.0, 0, 0), (2.0, 1.0, 1.0))
     behind = box((-20.0, 0, 0), (2.0, 2.0, 2.0))
@@ -88,7 +88,7 @@ def test_noise_acts_along_the_beam():
     assert_allclose(cosine, 1.0, atol=1e-6)
 
 
-def test_shares_of_outliers_and_dropouts_are_kept():
+def test_outliers_and_dropouts_have_their_shares():
     ranges = np.full((200, 500), 40.0)
     ranges[:20] = np.inf
     noisy = disturb(loud(ranges), FAN, Noise(outliers=0.1, dropouts=0.2), np.random.default_rng(5)).ranges
@@ -117,6 +117,6 @@ def test_an_impossible_sensor_is_refused(name: str, value: float):
         replace(ECLIPSE, **{name: value})
 
 
-def test_a_sensor_that_sees_nothing_says_so():
+def test_a_view_without_echoes_is_refused():
     settings = SimulationSettings(scene="harbor")
     refuses("sees nothing", observe, settings, RigidTransform.from_translation((0, 0, 4000.0)), 0, "lost")

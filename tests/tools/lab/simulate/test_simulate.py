@@ -1,4 +1,4 @@
-"""Simulations: one seed for the same bytes, the folder, its size, and scans that show nothing."""
+"""Simulations: reproducible folders, their settings and sizes, and unusable scans."""
 
 import json
 from dataclasses import replace
@@ -30,8 +30,8 @@ from tests.samples.scenes.simulated import COARSE, QUIET
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["floodgate"])
-def test_neighbors_of_a_survey_share_enough_and_run_into_nothing(name: str):
-    # the bare fan: the path is under test, not what a threshold leaves of the views along it
+def test_neighbors_of_a_survey_overlap_enough_and_keep_clear(name: str):
+    # no threshold: the path is under test, not the echoes that remain
     simulation = simulate(SimulationSettings(scene=name, count=12, sensor=bare(ECLIPSE), noise=QUIET))
     poses, scans = simulation.truth.T_world_sensor, simulation.scans
     shares = [mutual_overlap(scans[k].points, scans[k + 1].points, poses[k].inv() * poses[k + 1]) for k in range(11)]
@@ -65,7 +65,7 @@ def test_one_seed_gives_the_same_bytes(tmp_path: Path, settings: SimulationSetti
         assert not np.array_equal(other.scans[0].points, simulate(settings).scans[0].points)
 
 
-def test_the_written_truth_is_the_truth(tmp_path):
+def test_the_truth_is_written(tmp_path):
     simulation = simulate(SimulationSettings(count=3, sensor=COARSE))
     write_simulation(simulation, tmp_path)
     truth = read_tum(tmp_path / "truth.tum")
@@ -96,12 +96,12 @@ def test_a_folder_with_other_scans_is_left_alone(tmp_path):
         ([], "settings"),
     ],
 )
-def test_settings_that_cannot_be_used_are_named(content: object, message: str):
+def test_unusable_settings_are_named(content: object, message: str):
     refuses(message, settings_from_json, content)
 
 
 @pytest.mark.parametrize("text", [None, "not json"])
-def test_a_description_that_is_none_is_refused(tmp_path, text: str | None):
+def test_a_missing_or_invalid_description_is_refused(tmp_path, text: str | None):
     path = tmp_path / "description.json"
     if text is not None:
         path.write_text(text)
@@ -112,7 +112,7 @@ SETTINGS = SimulationSettings(trajectory="lawnmower", count=9, sensor=COARSE, se
 
 
 @pytest.mark.parametrize(("share", "wanted"), [(0.0, 0), (0.05, 2), (0.3, 12), (0.95, 38)])
-def test_as_many_as_wanted_are_chosen_and_never_the_first(share: float, wanted: int) -> None:
+def test_the_wanted_share_is_unusable_and_never_the_first_scan(share: float, wanted: int) -> None:
     faults = choose_faults(share, 40, seed=3)
     assert len(faults) == wanted
     assert all(0 < number < 40 for number in faults)
@@ -120,7 +120,7 @@ def test_as_many_as_wanted_are_chosen_and_never_the_first(share: float, wanted: 
     assert abs(kinds.count("empty") - kinds.count("noise")) <= 1
 
 
-def test_the_other_scans_and_the_truth_stay_bit_for_bit() -> None:
+def test_unusable_scans_change_neither_the_others_nor_the_truth() -> None:
     sound, unusable = simulate(SETTINGS), simulate(replace(SETTINGS, unusable=0.45))
     assert len(unusable.faults) == 4
     assert_array_equal(sound.truth.T_world_sensor.as_matrix(), unusable.truth.T_world_sensor.as_matrix())
@@ -131,7 +131,7 @@ def test_the_other_scans_and_the_truth_stay_bit_for_bit() -> None:
             assert_array_equal(one.strength, other.strength)
 
 
-def test_an_unusable_scan_holds_what_its_kind_says() -> None:
+def test_an_unusable_scan_has_the_points_of_its_kind() -> None:
     unusable = simulate(replace(SETTINGS, unusable=0.45))
     beams = COARSE.rows * COARSE.columns
     for number, kind in unusable.faults.items():
@@ -144,18 +144,18 @@ def test_an_unusable_scan_holds_what_its_kind_says() -> None:
 
 
 @pytest.mark.parametrize("share", [-0.1, float("nan")])
-def test_a_share_that_cannot_be_is_refused(share: float) -> None:
+def test_an_impossible_share_is_refused(share: float) -> None:
     refuses("unusable is", replace, SETTINGS, unusable=share)
 
 
-def test_the_description_tells_them_and_like_gives_them_again(tmp_path: Path) -> None:
+def test_the_description_names_unusable_scans_and_like_repeats_them(tmp_path: Path) -> None:
     options = ("--trajectory", "lawnmower", "--scans", "4", "--seed", "6", "--set", "unusable=0.25", "--quiet")
     assert sonarmap("simulate", *options, "-o", tmp_path / "a").exit_code == 0
     described = json.loads((tmp_path / "a" / "description.json").read_text())
     assert described["settings"]["unusable"] == 0.25
-    told = [row["unusable"] for row in described["scans"]]
-    assert told == [choose_faults(0.25, 4, seed=6).get(number) for number in range(4)]
-    assert told.count(None) == 3
+    kinds = [row["unusable"] for row in described["scans"]]
+    assert kinds == [choose_faults(0.25, 4, seed=6).get(number) for number in range(4)]
+    assert kinds.count(None) == 3
     again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b", "--quiet")
     assert again.exit_code == 0
     assert files_in(tmp_path / "a") == files_in(tmp_path / "b")
@@ -183,10 +183,10 @@ def description(folder: Path, **values: float) -> Path:
     [
         ({"count": 10**12}, ("scans of", *LARGE)),
         ({"columns": 10**12}, ("columns and", *LARGE)),
-        ({"max_range": 1e6}, ("max_range <= 100000 m",)),  # which no reader takes
+        ({"max_range": 1e6}, ("max_range <= 100000 m",)),  # no reader takes more
     ],
 )
-def test_a_description_of_too_much_is_refused(tmp_path: Path, values: dict[str, float], words: tuple[str, ...]) -> None:
+def test_a_too_large_simulation_is_refused(tmp_path: Path, values: dict[str, float], words: tuple[str, ...]) -> None:
     result = sonarmap("simulate", "--like", description(tmp_path, **values), "-o", tmp_path / "out")
     refused_with_reason(result)
     said(result, "error: ", *words)

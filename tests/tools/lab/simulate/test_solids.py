@@ -23,7 +23,7 @@ def _volume(mesh: Mesh) -> float:
     return float(np.linalg.det(corners).sum() / 6)
 
 
-def test_a_box_is_hit_where_arithmetic_says():
+def test_rays_hit_a_box_at_hand_computed_ranges():
     scene = Scene("box", box((11.0, 2.0, -1.0), (2.0, 4.0, 6.0)))
     origins = np.array([[0, 2, 0], [0, 2, 0], [11, -7, 1.5], [11, 2, 30], [0, 2, 0]], float)
     directions = np.array([[1, 0, 0], SLANT / SLANT_LENGTH, [0, 1, 0], [0, 0, -1], [-1, 0, 0]], float)
@@ -53,8 +53,8 @@ def test_solids_are_closed_and_face_outward(mesh: Mesh, volume: float, tolerance
     assert_allclose(_volume(mesh), volume, rtol=tolerance)
 
 
-def test_a_shell_is_closed_and_holds_what_is_between_its_sheets():
-    """Half a ring of radii 3 and 2, 4 m long; its outside is met from beyond, its inside from the middle."""
+def test_a_shell_is_closed_and_solid_between_its_sheets():
+    """Half a ring of radii 3 and 2 m, 4 m long."""
     x, angle = np.meshgrid(np.linspace(0, 4, 5), np.linspace(0, np.pi, 181), indexing="ij")
     outer, inner = (np.stack([x, r * np.cos(angle), -r * np.sin(angle)], axis=-1) for r in (3.0, 2.0))
     mesh = shell(outer, inner)
@@ -80,7 +80,7 @@ def test_a_height_field_is_seen_from_above_at_its_heights():
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", SCENE_KINDS)
-def test_a_scene_is_its_seed(name: str):
+def test_a_scene_depends_only_on_its_seed(name: str):
     first, again, other = SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(5)
     assert_array_equal(first.vertices, again.vertices)
     assert_array_equal(first.triangles, again.triangles)
@@ -96,15 +96,15 @@ CENTER, SIZE = np.array([30.0, -12.0, -7.0]), np.array([8.0, 3.0, 5.0])
 
 
 def box_distance(points: np.ndarray) -> np.ndarray:
-    """To the turned box's surface: outside by the part that sticks out, inside by the nearest face."""
+    """Distances [m] to the turned box's surface; from inside, to the nearest face."""
     out = np.abs(TURN.inv().apply(points - CENTER)) - SIZE / 2
     outside = np.linalg.norm(np.maximum(out, 0), axis=1)
     return np.where((out <= 0).all(axis=1), -out.max(axis=1), outside)
 
 
 class TestSurfaceDistance:
-    def test_a_turned_box_inside_and_outside(self) -> None:
-        """Random places meet its faces, edges and corners."""
+    def test_distances_from_inside_and_outside_a_turned_box(self) -> None:
+        """Random points are nearest to faces, edges or corners."""
         points = CENTER + np.random.default_rng(1).uniform(-12, 12, (4000, 3))
         found = surface_distance(box(CENTER, SIZE, TURN), points)
         assert found == pytest.approx(box_distance(points), abs=1e-5)
@@ -117,7 +117,7 @@ class TestSurfaceDistance:
 
 
 class TestTriangleDistance:
-    def test_triangles_that_are_lines_or_dots(self) -> None:
+    def test_degenerate_triangles_have_finite_distances(self) -> None:
         corners = np.array([[[0, 0, 0], [4, 0, 0], [2, 0, 0]], [[1, 1, 1]] * 3], float)
         points = np.array([[2, 3, 0], [1, 3, 1]], float)
         assert triangle_distance(corners, points) == pytest.approx([3, 2])
@@ -126,7 +126,7 @@ class TestTriangleDistance:
 
 
 class TestSurfacePoints:
-    def test_they_lie_on_the_surface_and_cover_it(self) -> None:
+    def test_points_lie_on_the_surface_and_cover_it(self) -> None:
         """On a box of 6 x 4 x 2 m, whose surface is known."""
         points = surface_points(box((3, -1, 7), (6, 4, 2)), 0.25) - np.array([3, -1, 0], np.float32)
         half = np.array([3, 2, 1])
@@ -144,7 +144,7 @@ class TestOccupy:
         occupied = occupy(points, grid)
         assert set(map(tuple, np.argwhere(occupied).tolist())) == {(8, 8, 8), (8, 7, 10), (0, 15, 8)}
 
-    def test_a_scan_of_it_has_the_points_in_their_voxels(self) -> None:
+    def test_a_voxel_scan_has_the_points_in_their_voxels(self) -> None:
         grid = Grid(32, 0.7)
         points = np.random.default_rng(3).uniform(-10.8, 10.8, (500, 3))
         scan = voxel_scan(occupy(points, grid), grid, "s")
@@ -156,7 +156,7 @@ COUNT = len(raster()) ** 2
 
 
 def _heights(bed: Mesh) -> np.ndarray:
-    """Of the bed without its rocks, above the plane that fits it best [m]."""
+    """Heights [m] of the bed without its rocks, above the plane that fits it best."""
     ground = bed.vertices[:COUNT]
     level = np.column_stack([ground[:, :2], np.ones(COUNT)])
     return ground[:, 2] - level @ np.linalg.lstsq(level, ground[:, 2], rcond=None)[0]

@@ -1,4 +1,4 @@
-"""Scans of a sensor that takes its columns in turn while it moves."""
+"""Scans of a sensor that measures its columns one after another while it moves."""
 
 from dataclasses import replace
 
@@ -13,18 +13,18 @@ from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, simulate, trajectory_of
 
 
-def test_columns_are_taken_in_turn_on_the_way() -> None:
-    """Each point lies where a beam from the sensor's place at its time meets the scene; the first column's at once."""
+def test_columns_are_measured_one_after_another_along_the_path() -> None:
+    """Each point lies where a beam from the sensor's pose at its time meets the scene."""
     settings = replace(plan("harbor", seed=4), count=3, noise=Noise(), sweep=0.6)
     scans = simulate(settings).scans
     longer = TRAJECTORIES["survey"](replace(settings, count=4))
-    way = ContinuousTrajectory.through(longer, np.zeros((4, 6, 6)))
+    path = ContinuousTrajectory.through(longer, np.zeros((4, 6, 6)))
     scene = build_scene("harbor", 4)
     for number, scan in enumerate(scans):
         assert scan.times is not None
         assert 0.0 <= scan.times.min() <= scan.times.max() < 0.6
         chosen = np.linspace(0, len(scan.points) - 1, 40).astype(int)
-        T = way.at(number + np.sort(scan.times[chosen].astype(np.float64)))[0].T_world_sensor
+        T = path.at(number + np.sort(scan.times[chosen].astype(np.float64)))[0].T_world_sensor
         points = scan.points[chosen[np.argsort(scan.times[chosen])]].astype(np.float64)
         ranges = np.linalg.norm(points, axis=1)
         found, _ = scene.intersect(T.translation, T.rotation.apply(points / ranges[:, None]))
@@ -38,8 +38,8 @@ def test_columns_are_taken_in_turn_on_the_way() -> None:
         replace(settings, noise=replace(settings.noise, ghosts=0.1))
 
 
-def test_speed_and_turn_are_what_is_asked_for() -> None:
-    """Scans count seconds: 0.5 m apart is 0.5 m/s; besides the path's own turns the sensor looks to and fro."""
+def test_speed_and_turn_rate_are_as_set() -> None:
+    """Scans are 1 s apart, so 0.5 m apart is 0.5 m/s; besides the path's turns the sensor swings to and fro."""
     plain = replace(plan("pool", seed=4), count=25, spacing=0.5)
     still, turning = (trajectory_of(replace(plain, turn=turn)) for turn in (0.0, np.radians(30.0)))
     np.testing.assert_array_equal(turning.T_world_sensor.translation, still.T_world_sensor.translation)

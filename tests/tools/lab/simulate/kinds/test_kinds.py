@@ -1,4 +1,4 @@
-"""Pairs of every kind: the same from the same numbers, true, over every relief, sharing what was asked for."""
+"""Pairs of every kind: reproducible, true to the scene, over every relief, with the wanted overlap."""
 
 import numpy as np
 import pytest
@@ -39,21 +39,21 @@ def _pair(kind: str, scene: str, overlaps: tuple[float, float] = (0.2, 0.9), see
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", ["sonar3d15", "patch", "swath"])
-def test_a_pair_is_its_kind_number_and_seed(kind: str):
+def test_a_pair_depends_only_on_kind_number_and_seed(kind: str):
     number = SCAN_KINDS[kind].scenes.index("shallow") if kind in SWEEPS else 5
-    asked = (kind, number, 31, (0.2, 0.9) if kind in SWEEPS else None)
-    first, again = kind_pair(*asked), kind_pair(*asked)
+    arguments = (kind, number, 31, (0.2, 0.9) if kind in SWEEPS else None)
+    first, again = kind_pair(*arguments), kind_pair(*arguments)
     for one, other in ((first.target, again.target), (first.source, again.source)):
         assert_array_equal(one.points, other.points)
         assert_array_equal(one.strength, other.strength)
     assert_array_equal(first.T_target_source.as_matrix(), again.T_target_source.as_matrix())
     assert first.shared == again.shared
-    assert not np.array_equal(kind_pair(kind, number, 32, asked[-1]).source.points[:50], first.source.points[:50])
+    assert not np.array_equal(kind_pair(kind, number, 32, arguments[-1]).source.points[:50], first.source.points[:50])
 
 
 @pytest.mark.parametrize(("turn", "kind"), [(k % len(OVERLAPS), kind) for k, kind in enumerate([*VIEWS, *SWEEPS])])
 @pytest.mark.slow
-def test_a_pair_is_as_its_number_says(turn: int, kind: str):
+def test_the_number_of_a_pair_gives_scene_and_overlap(turn: int, kind: str):
     scenes = SCAN_KINDS[kind].scenes
     scene = "manifold" if kind in SWEEPS else scenes[turn]
     number = turn * len(scenes) + scenes.index(scene)
@@ -72,8 +72,8 @@ def test_a_pair_is_as_its_number_says(turn: int, kind: str):
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("kind", "most"), [*((kind, 0.1) for kind in VIEWS), *((kind, 0.4) for kind in SWEEPS)])
-def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str, most: float):
-    """But for noise and distortion; at the other's place they do not."""
+def test_both_scans_lie_on_the_scene_at_their_true_poses(kind: str, most: float):
+    """Up to noise and distortion; at the other scan's pose they do not."""
     scene = "shallow" if kind in SWEEPS else "manifold"
     number = SCAN_KINDS[kind].scenes.index(scene)
     pair = kind_pair(kind, number, 12, (0.2, 0.9) if kind in SWEEPS else None)
@@ -91,7 +91,7 @@ def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str, most: float
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SWEEPS)
 def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, monkeypatch: pytest.MonkeyPatch):
-    """The source moved by T_target_source lies on it with the target, and nowhere else."""
+    """The source lies on the scene when it is moved by T_target_source, and not when it is not moved."""
     _without_distortion(monkeypatch)
     pair = _pair(kind, "manifold")
     number = SCAN_KINDS[kind].scenes.index("manifold")
@@ -99,7 +99,7 @@ def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, mon
     target, source = (scan.points.astype(np.float64) for scan in (pair.target, pair.source))
     moved = pair.T_target_source.apply(source)
     for points in (target, moved):
-        # a ray that grazes an edge is met on the wrong side of it by the ray caster's single precision
+        # in the ray caster's single precision, a ray that grazes an edge hits the wrong side of it
         assert np.quantile(surface_distance(mesh, pair.T_world_target.apply(points)), 0.99) < 1e-4
     assert np.median(surface_distance(mesh, pair.T_world_target.apply(source))) > 0.02
     assert mutual_overlap(target, source, pair.T_target_source, OVERLAP_RADIUS * 48 / 256) == pytest.approx(
@@ -107,29 +107,29 @@ def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, mon
     )
 
 
-def test_every_kind_meets_every_relief_and_every_scene_has_one():
+def test_every_kind_covers_every_relief_and_every_scene_has_one():
     for kind in SCAN_KINDS.values():
         assert {relief_of(scene) for scene in kind.scenes} == set(RELIEF_OF.values())
     assert set(RELIEF_OF) == set(SCENE_KINDS)
     refuses("moon", relief_of, "moon")
-    # what alternates with the pairs' numbers, as a patch's viewpoints do, does so over every scene
+    # odd, so that what alternates with the pairs' numbers, as a patch's viewpoints, does so in every scene
     assert len(SCAN_KINDS["patch"].scenes) % 2 == 1
 
 
-def test_what_does_not_exist_is_refused():
+def test_unknown_kinds_and_negative_numbers_are_refused():
     refuses("there are", kind_pair, "sidescan", 0, 0)
     refuses(">= 0", kind_pair, "patch", -1, 0)
 
 
 @pytest.mark.parametrize("kind", SWEEPS[:1])
-def test_a_sweep_that_does_not_exist_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch):
+def test_an_impossible_overlap_of_a_sweep_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(partners, "PLACES", 1)
     monkeypatch.setattr(partners, "TRIES", 3)
     refuses("widen the range", _pair, kind, "shallow", (0.5, 0.5 + 1e-9))
 
 
 @pytest.mark.slow
-def test_instruments_err_by_their_sigmas_and_each_on_its_own():
+def test_instruments_err_by_their_sigmas_and_independently():
     every, depth = Instruments(), instruments_for(["depth"])
     pair = kind_pair("sonar3d15", 4, 6)
     full, alone = pair.with_priors(every), pair.with_priors(depth)

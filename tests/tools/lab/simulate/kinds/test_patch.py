@@ -1,4 +1,4 @@
-"""Patches: all of their looks in one frame, true but for odometry's errors, thinned, and seen from a path."""
+"""Patches: views from a path merged in one frame, with odometry errors, and thinned."""
 
 from dataclasses import replace
 
@@ -46,11 +46,11 @@ def _sorted(places: np.ndarray) -> np.ndarray:
     return np.unique(places.astype(np.float32), axis=0)
 
 
-def test_points_were_seen_from_where_their_viewpoints_are():
+def test_ranges_from_the_viewpoints_are_those_of_the_sensor():
     observer, view = _patch()
     scan = _merged(observer, view)
     assert scan.viewpoints is not None
-    # within the fan of one of the looks: none nearer than the least range, none farther than the greatest
+    # no range is beyond the sensor's largest or below the smallest of all views
     ranges = np.linalg.norm(scan.points - scan.viewpoints, axis=1)
     assert ranges.max() <= observer.sensor.max_range + 1e-3
     nearest = [look.echoes.ranges.min() for look in view.looks]
@@ -60,7 +60,7 @@ def test_points_were_seen_from_where_their_viewpoints_are():
     assert _merged(observer, view, 1).viewpoints is None
 
 
-def test_odometry_drifts_away_from_the_middle_by_what_it_says():
+def test_odometry_drifts_from_the_middle_of_the_path_by_its_sigmas():
     path = patch.draw_path(9, 2.0, np.random.default_rng(0))
     off = [patch.believed_path(path, 0.5, np.random.default_rng(seed)) for seed in range(400)]
     shifts = np.stack([believed.translation - path.translation for believed in off])
@@ -72,7 +72,7 @@ def test_odometry_drifts_away_from_the_middle_by_what_it_says():
     assert (shifts[:, 0].std(axis=0) > 1.5 * shifts[:, 3].std(axis=0)).all()
 
 
-def test_one_point_is_kept_in_a_cell_and_a_lonely_one_is_known():
+def test_thinning_keeps_one_point_per_cell_and_isolated_points_are_marked():
     points = np.array([[0.1, 0.1, 0.1], [0.3, 0.2, 0.1], [1.2, 0.1, 0.1], [-0.1, 0.1, 0.1], [0.4, 0.4, 0.4]])
     assert_array_equal(patch.thinned(points, 0.5), [0, 2, 3])
     assert_array_equal(patch.lonely(points, 0.5), [False, False, True, True, False])

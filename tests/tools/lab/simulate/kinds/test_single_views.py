@@ -1,4 +1,4 @@
-"""Distorted and moving views, and the Sonar 3D-15's: errors as large as the kind says."""
+"""Distorted and moving views, and those of the Sonar 3D-15, with the errors of their kind."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -49,7 +49,7 @@ def test_without_distortion_the_points_lie_on_the_scenes_surface(scene: str):
     ],
     ids=["a wrong sound speed", "a bias"],
 )
-def test_all_ranges_change_alike_by_two_percent_or_a_hundredth_of_the_greatest(
+def test_all_ranges_are_scaled_or_shifted_within_the_bounds_of_the_kind(
     distort: Callable[[Shot], Scan], change: np.ufunc, undo: np.ufunc, within: tuple, bounds: tuple
 ):
     true = _ranges(_shot().view.points)
@@ -64,14 +64,14 @@ def test_all_ranges_change_alike_by_two_percent_or_a_hundredth_of_the_greatest(
 
 
 def _wall_shot() -> Shot:
-    """Before an upright wall 10 m ahead."""
+    """A view of an upright wall 10 m ahead."""
     observer = Observer(Scene("wall", box((10.5, 0, -20), (1.0, 90.0, 90.0))), FEW)
     pose = RigidTransform.from_translation((0.0, 0.0, -20.0))
     view = View(pose, cast(observer.world, FEW, pose), np.empty((0, 3)))
     return Shot(observer, view, QUIET, np.random.default_rng(0), np.random.default_rng(0), "target")
 
 
-def test_a_sensor_that_goes_ahead_sees_the_wall_lean():
+def test_a_wall_leans_for_a_sensor_that_moves_ahead():
     """At 0.8 m/s over 0.5 s: the lowest row, measured first, from 0.2 m farther off, the highest from 0.2 m nearer."""
     shot = _wall_shot()
     scan = single_view.scan_in_motion(shot, single_view.Motion(np.array((0.8, 0.3, 0.0)), np.zeros(3), 0.5))
@@ -79,7 +79,7 @@ def test_a_sensor_that_goes_ahead_sees_the_wall_lean():
     assert_allclose(ahead, np.broadcast_to(10.0 - np.linspace(-0.2, 0.2, FEW.rows)[:, None], ahead.shape), atol=1e-4)
 
 
-def test_a_sensor_that_turns_sees_the_wall_twisted():
+def test_a_wall_is_twisted_for_a_sensor_that_turns():
     """At 6 degrees a second over a second to the left: the last row is seen as if the wall had turned to the right."""
     shot = _wall_shot()
     scan = single_view.scan_in_motion(shot, single_view.Motion(np.zeros(3), np.array((0.0, 0.0, np.deg2rad(6.0))), 1.0))
@@ -89,8 +89,8 @@ def test_a_sensor_that_turns_sees_the_wall_twisted():
         assert_allclose(back[:, 0], 10.0, atol=1e-4)
 
 
-def test_points_lie_on_the_wall_from_where_the_sensor_was_at_their_times():
-    """Whichever beams are lost."""
+def test_points_lie_on_the_wall_from_the_poses_at_their_times():
+    """Also with lost beams."""
     shot = replace(_wall_shot(), noise=Noise(dropouts=0.4))
     motion = single_view.Motion(np.array((0.8, 0.3, -0.1)), np.array((0.02, -0.03, 0.2)), 0.7)
     scan = single_view.scan_in_motion(shot, motion)
@@ -124,21 +124,21 @@ def _tilted(tilt: float) -> np.ndarray:
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-def test_its_images_are_as_sparse_and_as_patchy_as_real_ones():
+def test_images_of_the_3d15_are_as_sparse_and_patchy_as_real_ones():
     images = [_images(seed) for seed in range(3)]
     seen = np.stack([np.isfinite(image) for _, image in images])
     met = np.stack([np.isfinite(true) for true, _ in images])
     assert 0.55 < seen[met].mean() < 0.9
-    alike = {lag: np.corrcoef(seen[..., :-lag].ravel(), seen[..., lag:].ravel())[0, 1] for lag in (1, 4, 16)}
-    assert 0.5 < alike[1] < 0.8
-    assert 0.25 < alike[4] < 0.6
-    assert alike[1] > alike[4] > alike[16]
+    correlation = {lag: np.corrcoef(seen[..., :-lag].ravel(), seen[..., lag:].ravel())[0, 1] for lag in (1, 4, 16)}
+    assert 0.5 < correlation[1] < 0.8
+    assert 0.25 < correlation[4] < 0.6
+    assert correlation[1] > correlation[4] > correlation[16]
     ranges = np.stack([image for _, image in images])
     both = seen[..., :-1] & seen[..., 1:]
     assert 0.35 < np.isclose(ranges[..., :-1][both], ranges[..., 1:][both], atol=1e-5).mean() < 0.6
 
 
-def test_ranges_come_in_steps_and_lie_near_the_surface_of_their_lobe():
+def test_ranges_are_in_steps_and_near_the_surface_of_their_lobe():
     _, image = _images(5)
     ranges = image[np.isfinite(image)]
     assert_allclose(ranges / single_view.STEP, np.rint(ranges / single_view.STEP), atol=2e-2)

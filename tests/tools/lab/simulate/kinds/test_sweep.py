@@ -1,4 +1,4 @@
-"""Fans of rays, how vehicles wander, and the size of what swaths, stacks and sweeps distort."""
+"""Fans of rays, drift of vehicles, and distortions of swaths, stacks and sweeps."""
 
 import numpy as np
 import pytest
@@ -53,15 +53,15 @@ def test_a_beam_picks_the_strongest_the_densest_or_the_first():
     assert _picked(ranges, strengths, cell=0.2, share=0.3) == 3
 
 
-def test_a_beam_below_the_threshold_brings_nothing_back():
+def test_a_beam_below_the_threshold_has_no_return():
     fan = _fan((0.0, 0.0))
     returns = pick(fan, np.array([[[4.0, np.inf]], [[4.0, 7.0]]]), np.array([[[0.009, 0.0]], [[0.009, 0.02]]]))
     assert_array_equal(returns.ranges[:, 0], (np.inf, 7.0))
     assert_array_equal(returns.strengths[:, 0], (0.0, 0.02))
 
 
-def test_what_stands_above_the_water_is_not_heard():
-    """A wall at x = 10 from 6 m under the surface to 6 m above it, from 1 m under it."""
+def test_surfaces_above_the_water_give_no_echo():
+    """A wall at x = 10 m from 6 m below the surface to 6 m above it, seen from 1 m below the surface."""
     scene = Scene("floodgate", box((10.5, 0.0, 0.0), (1.0, 40.0, 12.0)))
     fan = _fan((-0.3, 0.0, 0.3), (1.0, 1.0, 0.5))
     ranges, strengths = meet(scene, fan, _still((0.0, 0.0, -1.0)).T_world_ping)
@@ -69,7 +69,7 @@ def test_what_stands_above_the_water_is_not_heard():
     assert_allclose(strengths[0, 0], (np.cos(0.3) ** 2, 1.0, 0.0))
 
 
-def test_points_are_placed_where_the_vehicle_believed_and_came_from_where_it_was():
+def test_points_are_placed_by_believed_poses_and_measured_from_true_ones():
     truly = RigidTransform.from_components([[0, 0, 0], [1, 2, 3]], Rotation.from_euler("z", [[0.0], [np.pi / 2]]))
     believed = RigidTransform.from_components([[0, 0, 0], [1, 2.5, 3]], Rotation.from_euler("z", [[0.0], [0.0]]))
     sweep = Sweep(RigidTransform.from_translation((7.0, 8.0, -9.0)), truly, believed)
@@ -83,27 +83,27 @@ def test_points_are_placed_where_the_vehicle_believed_and_came_from_where_it_was
     assert_allclose(sweep.T_world_ping.translation, ((7, 8, -9), (8, 10, -6)))
 
 
-def test_a_sweep_that_hears_nothing_is_refused():
+def test_a_sweep_without_echoes_is_refused():
     nothing = Returns(np.array([[np.inf]]), np.array([[0.0]]), np.array([[0]]))
     refuses("no beam", write_scan, _fan((0.0,)), _still((0, 0, 0)), nothing, QUIET, np.random.default_rng(1), "source")
 
 
-def test_a_walk_starts_in_the_middle_and_ends_about_its_sigma_away():
+def test_a_walk_is_zero_in_the_middle_and_has_its_sigma_at_the_ends():
     walks = np.array([walk(101, (0.3, 2.0), np.random.default_rng(seed)) for seed in range(400)])
     assert_array_equal(walks[:, 50], 0.0)
     assert_allclose(walks[:, [0, -1]].std(axis=(0, 1)), (0.3, 2.0), rtol=0.15)
-    # half as far in time: less by the root of two
+    # after half the time: less by the root of two
     assert_allclose(walks[:, [25, 75]].std(axis=(0, 1)), np.array((0.3, 2.0)) / np.sqrt(2), rtol=0.15)
 
 
-def test_a_wobble_has_its_sigma_everywhere_and_is_alike_over_its_width():
+def test_a_wobble_has_its_sigma_everywhere_and_is_correlated_over_its_width():
     wobbles = np.array([wobble(200, (0.1,), 5.0, np.random.default_rng(seed))[:, 0] for seed in range(300)])
     assert_allclose(wobbles.std(axis=0), 0.1, rtol=0.25)
     assert np.corrcoef(wobbles[:, 50], wobbles[:, 52])[0, 1] > 0.8
     assert abs(np.corrcoef(wobbles[:, 50], wobbles[:, 80])[0, 1]) < 0.2
 
 
-def test_a_way_through_a_wall_is_not_free():
+def test_a_path_through_a_wall_is_not_free():
     water = Water(Scene("floodgate", box((10.0, 0.0, -5.0), (1.0, 8.0, 10.0))))
     assert not water.is_way_free(np.array(((0.0, 0.0, -2.0), (5.0, 0.0, -2.0), (20.0, 0.0, -2.0))))
     assert water.is_way_free(np.array(((0.0, 0.0, -2.0), (5.0, 9.0, -2.0), (20.0, 9.0, -2.0))))
@@ -112,7 +112,7 @@ def test_a_way_through_a_wall_is_not_free():
     assert water.is_free(np.array(((0.0, 0.0, -2.0),)))
 
 
-# A bed 20 m deep over 256 m, and before it a wall across y at x = 30
+# A bed 20 m deep and 256 m wide, and on it a wall along y at x = 30 m
 BED = box((0.0, 0.0, -21.0), (256.0, 256.0, 2.0))
 OPEN, WALLED = Scene("flatbed", BED), Scene("floodgate", merge([BED, box((31.0, 0.0, -10.0), (2.0, 250.0, 20.0))]))
 
@@ -126,7 +126,7 @@ def _imager(seed: int, by_depth: bool) -> imaging.Imager:
 
 
 def _wall(seed: int, by_depth: bool, imager: imaging.Imager | None = None) -> tuple[np.ndarray, Sweep]:
-    """Points (N, 3) [m] that a stack 20 m before the wall shows of it, and the stack."""
+    """Points (N, 3) [m] of the wall in a stack from 20 m in front of it, and the stack."""
     rng = np.random.default_rng(seed)
     looking = imager or _imager(seed, by_depth)
     sweep = looking._stack(np.array((10.0, 0.0)), 0.0, rng)
@@ -136,8 +136,8 @@ def _wall(seed: int, by_depth: bool, imager: imaging.Imager | None = None) -> tu
     return points[np.abs(points[:, 1]) < 4.0], sweep
 
 
-def test_an_echoes_elevation_is_guessed_within_the_aperture():
-    """The bed below a tilted sonar is thick and off by up to half the aperture, though every range is right."""
+def test_elevations_of_echoes_err_within_the_aperture():
+    """The bed below a tilted sonar is thick, and off by up to half the aperture, although every range is right."""
     imager = _imager(3, by_depth=False)
     rng = np.random.default_rng(3)
     sweep = imager._stack(np.array((-60.0, 0.0)), np.pi, rng)
@@ -167,8 +167,8 @@ def test_multipath_lies_behind_the_wall_and_arcs_keep_the_loudest_range():
     assert often.max() >= 25
 
 
-def test_points_of_a_panned_head_are_the_vehicles_at_their_times():
-    """Where the vehicle truly was at the time of each they come from the scene; one that turns has placed them."""
+def test_points_of_a_panned_head_are_in_the_vehicles_frame_at_their_times():
+    """The vehicle's true poses at their times give the true points; a turning vehicle has placed them itself."""
     turned = 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
