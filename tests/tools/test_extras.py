@@ -1,4 +1,4 @@
-"""Libraries that extras bring: each is declared, and refused by name before any work where it is missing."""
+"""Optional libraries: each is declared in an extra, and a missing one is named before any work."""
 
 import re
 import tomllib
@@ -12,12 +12,12 @@ from sonarmap.tools.products.export.formats import FORMATS, known_formats
 from tests.samples.places import ROOT
 
 
-def test_every_module_is_of_the_extra_that_the_message_names() -> None:
+def test_every_optional_module_is_declared_in_its_extra() -> None:
     optional = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    brought = {extra: {re.split(r"[\[>=]", text)[0] for text in texts} for extra, texts in optional.items()}
+    declared = {extra: {re.split(r"[\[>=]", text)[0] for text in texts} for extra, texts in optional.items()}
     distributions = packages_distributions()
     for module, extra in extras.EXTRA_OF.items():
-        assert brought[extra] & set(distributions[module]), module
+        assert declared[extra] & set(distributions[module]), module
     assert {entry.library for entry in FORMATS.values()} - {None} <= set(extras.EXTRA_OF)
 
 

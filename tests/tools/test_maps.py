@@ -1,4 +1,4 @@
-"""Finished maps from Python: written, opened, exported, fused again; navigation read."""
+"""The Python interface to finished maps: write, open, export and fuse them, and read navigation."""
 
 import json
 from pathlib import Path
@@ -15,12 +15,12 @@ from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 COUNT, VOXEL = 6, 0.5
 TRUTH = ring_poses(COUNT, radius=4.0)
 HERE = sonarmap.Georeference(60.3913, 5.3221, -2.0)
-api: Any = sonarmap  # to which a test may give what its types forbid
+api: Any = sonarmap  # untyped, for arguments of wrong types
 
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of them."""
+    """A folder of scans."""
     folder = tmp_path_factory.mktemp("scans")
     for scan in scans_of(TRUTH, reach=4.0):
         np.savez(folder / f"{scan.name}.npz", points=scan.points, stamp=scan.stamp)
@@ -55,7 +55,7 @@ def test_a_map_is_written_and_opened(written: sonarmap.Map, result: sonarmap.Sur
     assert "report.html" in json.loads((written.path / "summary.json").read_text())["files"]
 
 
-def test_it_is_exported(written: sonarmap.Map, scans: Path, tmp_path: Path) -> None:
+def test_a_map_is_exported(written: sonarmap.Map, scans: Path, tmp_path: Path) -> None:
     exported = sonarmap.export_map(written, tmp_path / "gis", ["laz", "geotif"], crs="EPSG:25832")
     assert [path.name for path in exported.files if path.suffix != ".json"] == ["map.laz", "grid.tif", "grid.qml"]
     assert any("`origin`" in note for note in exported.notes) or not any("--" in note for note in exported.notes)
@@ -75,7 +75,7 @@ def test_it_is_exported(written: sonarmap.Map, scans: Path, tmp_path: Path) -> N
         ({"formats": "laz", "crs": "EPSG:1"}, "EPSG:1"),
     ],
 )
-def test_exports_that_cannot_be(written: sonarmap.Map, tmp_path: Path, arguments: dict[str, Any], words: str) -> None:
+def test_bad_exports_are_refused(written: sonarmap.Map, tmp_path: Path, arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(sonarmap.InputError, match=words) as refused:
         api.export_map(written, tmp_path, **arguments)
     assert "--" not in str(refused.value)
@@ -104,7 +104,7 @@ def test_scans_are_fused_again(result: sonarmap.SurveyResult, scans: Path) -> No
         sonarmap.fuse(scans, TRUTH, VOXEL, covariances=np.eye(6))
 
 
-def test_navigation(scans: Path, tmp_path: Path) -> None:
+def test_navigation_is_read_from_python(scans: Path, tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     rows = [f"scan{k},1.5,-2,{30 + k},60.3913,5.3221,{3 + k}" for k in range(COUNT)]
     log.write_text("\n".join(["name,roll_deg,pitch_deg,heading_deg,latitude,longitude,Z", *rows]))
@@ -139,7 +139,7 @@ def test_results_print_in_three_lines(result: sonarmap.SurveyResult, written: so
         assert len(repr(each).splitlines()) == 1, repr(each)
 
 
-def test_what_cannot_be_written(result: sonarmap.SurveyResult, scans: Path, tmp_path: Path) -> None:
+def test_unusable_folders_and_arguments_are_refused(result: sonarmap.SurveyResult, scans: Path, tmp_path: Path) -> None:
     for given, words in (
         ((None, tmp_path), "`result=None` .*wanted SurveyResult"),
         ((result, 3), "`folder=3` cannot be used"),

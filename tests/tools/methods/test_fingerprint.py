@@ -1,4 +1,4 @@
-"""The fingerprint of what decides a method's results, and what workers make the method from."""
+"""Fingerprints of methods and of their sources, and the specification that workers get."""
 
 import pickle
 from dataclasses import replace
@@ -25,22 +25,22 @@ def key(name: str, setup: Setup = SETUP) -> str:
 
 
 class TestMethodKey:
-    def test_settings_decide(self, device: Device) -> None:
+    def test_the_key_depends_on_the_settings(self, device: Device) -> None:
         setups = [SETUP, replace(SETUP, grid=Grid(32, 0.4)), replace(SETUP, changes={"hypotheses": 5})]
         assert len({key("spectral", setup) for setup in setups} | {key("icp"), key("hemisphere")}) == 5
         assert key("spectral", replace(SETUP, changes={"hypotheses": 6})) == key("spectral")  # the default
 
-    def test_a_seed_decides_where_a_method_draws_at_random(self) -> None:
+    def test_the_key_depends_on_the_seed_of_random_methods_only(self) -> None:
         seeded = replace(SETUP, seed=4)
         assert key("icp", seeded) == key("icp")
         assert key("fpfh-ransac", seeded) != key("fpfh-ransac")
 
-    def test_methods_that_differ_in_their_arguments_alone_differ(self) -> None:
+    def test_methods_that_differ_only_in_arguments_have_different_sources(self) -> None:
         assert method_sources("icp") != method_sources("icp-plane")
 
 
 class TestWorkerSpec:
-    def test_a_worker_makes_what_this_process_has(self) -> None:
+    def test_a_worker_builds_the_same_method(self) -> None:
         spec = pickle.loads(pickle.dumps(worker_spec("icp", SETUP, IcpRegistrar(0.5), 3)))
         assert isinstance(spec.make(), IcpRegistrar)
         assert (spec.key, spec.prepared) == (key("icp"), 3)
@@ -65,7 +65,7 @@ class TestSources:
             "tools/notes.md",
         ],
     )
-    def test_programs_decide_but_for_what_is_left_out(self, project: Path, name: str) -> None:
+    def test_the_digest_covers_programs_except_excluded_files(self, project: Path, name: str) -> None:
         def digest() -> str:
             source_digest.cache_clear()
             return source_digest(("kernels", "tools"), ("*figure.py",), project)
@@ -75,11 +75,11 @@ class TestSources:
         (project / name).write_text("x = 2\n")
         assert (digest() == before) is (name in ("tools/one_figure.py", "tools/notes.md"))
 
-    def test_a_place_that_does_not_exist_is_an_error(self, project: Path) -> None:
+    def test_a_missing_source_is_an_error(self, project: Path) -> None:
         with pytest.raises(FileNotFoundError, match="tools/two"):
             source_digest(("tools/two",), (), project)
 
-    def test_every_method_has_sources_and_other_methods_files_are_not_among_them(self) -> None:
+    def test_every_method_has_its_own_sources_only(self) -> None:
         for name, method in METHODS.items():
             assert source_digest(method.sources)
             assert ("kernels" in method.sources) is ("device" in method.options)

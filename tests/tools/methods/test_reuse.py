@@ -1,4 +1,4 @@
-"""What stays ready between calls of `sonarmap.register`: it computes what a new one would, and nothing twice."""
+"""Registrars kept between calls of `sonarmap.register` give the results of new ones without being built twice."""
 
 from collections import deque
 from typing import Any
@@ -32,7 +32,7 @@ def counting(name: str, call: Any, calls: list[str]) -> Any:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What is made and registered, in order."""
+    """Names of the registrars' calls, in order."""
     made: list[str] = []
     for kind in (SpectralRegistrar, HemisphereRegistrar):
         for name in ("__init__", "register"):
@@ -50,37 +50,37 @@ def matrix(scale: float = 1.0, **options: Any) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", ["spectral", "hemisphere"])
-def test_it_is_made_once_and_a_call_registers_once(calls: list[str], method: str) -> None:
-    """Also of scans of another size, which have other voxels; results are those of a method of their own."""
+def test_a_registrar_is_built_once_and_each_call_registers_once(calls: list[str], method: str) -> None:
+    """Also for scans of another size with other voxels; the results equal those of a new registrar."""
     first, other, again = (matrix(scale, method=method) for scale in (1.0, 1.7, 1.0))
     assert calls == ["__init__", "register", "register", "register"]
     np.testing.assert_array_equal(first, again)
-    own = sonarmap.register(*sonarmap.prepare(pair(1.7), edge=32, method=method))
-    np.testing.assert_array_equal(own.T_target_source.as_matrix(), other)
+    fresh = sonarmap.register(*sonarmap.prepare(pair(1.7), edge=32, method=method))
+    np.testing.assert_array_equal(fresh.T_target_source.as_matrix(), other)
 
 
 @pytest.mark.slow
-def test_other_settings_make_another_and_one_is_kept(calls: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_settings_replace_the_kept_registrar(calls: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     several: list[Any] = [{}, {"max_tilt": 0.5}, {"max_tilt": 0.5, "seed": 3}, {"method": "hemisphere"}, {}]
     for options in several:
         matrix(**options)
         assert len(reuse._KEPT) == 1
     assert calls.count("__init__") == 5
     matrix(method="icp")
-    assert not reuse._KEPT  # points alone: it is made at once
+    assert not reuse._KEPT  # points alone: quickly built, so not kept
     monkeypatch.setattr(reuse, "_PART", 10**9)  # as if the device were too small
     matrix()
     assert not reuse._KEPT
 
 
-def test_what_is_prepared_has_a_method_of_its_own(calls: list[str]) -> None:
+def test_prepared_scans_have_their_own_registrar(calls: list[str]) -> None:
     matrix()
     prepared = [sonarmap.prepare(pair(), edge=32) for _ in range(2)]
     assert calls.count("__init__") == 3
     assert prepared[0][0].registrar is not prepared[1][0].registrar
 
 
-def test_an_error_leaves_nothing(calls: list[str]) -> None:
+def test_after_an_error_no_registrar_is_kept(calls: list[str]) -> None:
     flat = np.zeros((500, 3)) + np.arange(500)[:, None] * np.array([1.0, 0.0, 0.0])
     matrix()
     with pytest.raises(sonarmap.InputError):
@@ -89,8 +89,8 @@ def test_an_error_leaves_nothing(calls: list[str]) -> None:
     np.testing.assert_array_equal(matrix(), matrix())
 
 
-def test_two_at_once_do_not_share_it() -> None:
-    """As those of two threads: it is out of reach while it is at work."""
+def test_concurrent_calls_do_not_share_a_registrar() -> None:
+    """As from two threads: a registrar in use is not available."""
     setup = Setup(Grid(32, 1.0))
     with reuse.reused("spectral", setup) as first, reuse.reused("spectral", setup) as second:
         assert first is not second
