@@ -20,7 +20,7 @@ from sonarmap.tools.methods.registry import METHODS, build
 POINTS = ("icp", "icp-plane", "fpfh-ransac", "fpfh-fgr", "kiss", "gicp")
 ANYWHERE = ("fpfh-ransac", "fpfh-fgr", "kiss")
 GRID = Grid(128, 2.0)
-# p_target = T p_source: a small motion, every number another
+# p_target = T p_source: a small motion, all numbers different
 SMALL = RigidTransform.from_components([1.1, -0.7, 0.4], Rotation.from_euler("ZYX", [5, 2, -3], degrees=True))
 
 

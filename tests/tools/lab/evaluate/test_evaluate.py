@@ -106,7 +106,7 @@ def test_alignment_by_poses_works_on_a_straight_line(count: int):
 
 
 def test_alignment_by_poses_minimizes_its_cost():
-    """No small motion on top of it lowers the sum of squares that its docstring states."""
+    """No small further motion lowers the sum of squares in the docstring of `align_poses`."""
     rng = np.random.default_rng(6)
     noise = RigidTransform.from_exp_coords(rng.normal(0, [0.3, 0.1, 0.2, 1.0, 2.0, 0.5], (12, 6)))
     truth = _walk(12).T_world_sensor

@@ -72,7 +72,7 @@ def test_the_fit_recovers_a_known_logistic() -> None:
 
 @pytest.mark.slow
 def test_the_fitted_table_is_up_to_date() -> None:
-    """The clues of a few reference pairs are those of when the table was written.
+    """The reference pairs have the clues that they had when the table was written.
 
     If not: `sonarmap reproduce confidence -o OUT --write`.
     """

@@ -77,7 +77,7 @@ class TestStopping:
         with closing(sqlite3.connect(tmp_path / JOURNAL)) as database, database:
             database.execute("UPDATE entry SET content = '[1]' WHERE label = 'fake c'")
         again, notes = complete(tmp_path)
-        assert again == ["c"]  # as its label says
+        assert again == ["c"]  # the job in its label
         assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in notes[0]
         assert bytes_of(tmp_path) == before
 
@@ -126,7 +126,7 @@ def test_every_experiment_names_its_sources(name: str, device: Device, tmp_path:
     folder = put(tmp_path) if EXPERIMENTS[name].folder else None
     experiment = create(name, Request(device=device, quick=True, folder=folder))
     module = EXPERIMENTS[name].module.partition(":")[0].removeprefix("sonarmap.").replace(".", "/")
-    assert f"{module}.py" in experiment.sources or name == "confidence"  # which is fitted anew each time
+    assert f"{module}.py" in experiment.sources or name == "confidence"  # it is fitted anew each time
     assert source_digest(experiment.sources)
     digests = provenance(experiment, device).methods
     assert any(method in digests for method in EVALUATED) is (name in ("pairs", "real", "kinds"))

@@ -67,10 +67,10 @@ def test_a_frame_turned_by_yaw_keeps_the_drawn_tilt_and_turns_about_z():
             yaw, pitch, roll = frame.R_target_frame(sensor).as_euler("ZYX")
             assert_allclose((pitch, roll), (frame.pitch, frame.roll), atol=1e-12)
             assert_allclose(np.angle(np.exp(1j * (yaw - aside - frame.about_z))), 0.0, atol=1e-12)
-        # all of the tilt is the sensor's: its z is the frame's
+        # at a share of 1 the sensor has the whole tilt: its z is the frame's
         about_z = sensor.inv() * frame.R_target_frame(sensor)
         assert_allclose(about_z.apply((0, 0, 1)), (0, 0, 1), atol=1e-12)
-        # none of it is: its z is the target's
+        # at a share of 0 it has none: its z is the target's
         assert_allclose(frame.R_target_sensor(0.3, 0.0).apply((0, 0, 1)), (0, 0, 1), atol=1e-12)
 
 

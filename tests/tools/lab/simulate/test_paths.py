@@ -77,7 +77,7 @@ def test_lanes_are_closed_and_head_along_the_path():
     off = np.angle(np.exp(1j * (np.arctan2(step[:, 1], step[:, 0]) - heading[:-1])))
     assert np.median(np.abs(off)) < 0.02
     turned = np.abs(np.angle(np.exp(1j * np.diff(heading))))
-    # even where it all but turns back it does so over TURNING bends
+    # even a near reversal is spread over TURNING bends
     assert turned.max() < 1.1 * np.pi / (5 * 3.0) * path.length / 4000
     assert np.abs(places[:, 0]).max() <= 30
     assert_allclose(places[:, 2], -4.0)

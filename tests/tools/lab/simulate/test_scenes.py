@@ -41,7 +41,7 @@ def test_a_pool_has_the_depths_of_its_layout_and_nothing_is_outside_it(seed: int
     origins = np.column_stack([x, np.full(60, 5.9), np.full(60, -0.01)])
     ranges, _ = scene.intersect(origins, DOWN.repeat(60, 0))
     depth = -np.array([layout.floor(east) for east in x]) - 0.01
-    # on the floor, its breaks up to a raster cell off, or on what stands there
+    # on the floor, whose breaks are up to a raster cell off, or on an object
     assert (ranges <= depth + 0.01).all()
     assert np.isclose(ranges, depth, atol=0.01).mean() > 0.5
     pose = RigidTransform.from_components((1.0, 0.5, -0.6), Rotation.from_euler("ZYX", (0.9, 0.1, 0.05)))

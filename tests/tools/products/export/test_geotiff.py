@@ -147,9 +147,9 @@ def test_empty_share_counts_empty_cells_in_the_coverage(strip: int, monkeypatch:
     away = np.hypot(*(every - 30).T)
     disk, corner = every[(away < 29) & (away > 10)], every[(every < 9).any(axis=1)]
     for places in (disk, corner - 300):
-        assert empty_share(places, 1.0, 2.0) == 0  # where closing fills nothing
+        assert empty_share(places, 1.0, 2.0) == 0  # closing fills nothing
         assert empty_share(places, 4.0, 2.0) == 0
-        for cell, least in ((0.5, 0.7), (0.25, 0.92), (0.02, 0.999)):  # of a meter square 1 of 4, 16 and 2500 is filled
+        for cell, least in ((0.5, 0.7), (0.25, 0.92), (0.02, 0.999)):  # 1 cell of 4, 16 and 2500 is filled
             assert least < empty_share(places, cell, 2.0) < 1 - (cell * 0.99) ** 2
         assert sufficient_cell(places, 0.02, 2.0) == sufficient_cell(places, 0.5, 2.0) == 1.0
         assert sufficient_cell(places, 1.3, 2.0) == 1.3

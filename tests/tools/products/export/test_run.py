@@ -22,12 +22,12 @@ LAZ = ExportSettings(("laz",))
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_map(tmp_path_factory.mktemp("one"), georeference=HERE)
 
 
 @pytest.fixture(scope="module")
-def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def split(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Map folder of two parts without a georeference."""
     return finished_map(tmp_path_factory.mktemp("two"), split=True)
 
@@ -40,8 +40,8 @@ def side_car(path: Path) -> dict:
     return json.loads(path.with_name(f"{path.name}.json").read_text())
 
 
-def test_every_file_has_a_side_car_that_describes_it(one: Path, tmp_path: Path) -> None:
-    exported = export_map(read_map_folder(one), tmp_path / "gis", ALL)
+def test_every_file_has_a_side_car_that_describes_it(whole: Path, tmp_path: Path) -> None:
+    exported = export_map(read_map_folder(whole), tmp_path / "gis", ALL)
     files = [path for path in exported.files if path.suffix != ".json"]
     assert set(exported.files) == set((tmp_path / "gis").iterdir())
     # `map --export` needs the names before mapping, to know what it would replace
@@ -54,7 +54,7 @@ def test_every_file_has_a_side_car_that_describes_it(one: Path, tmp_path: Path) 
         assert {"sonarmap", "numpy", "pyproj", "laspy", "rasterio"} <= set(record["written_by"])
         assert record["inputs"] == [{"name": "scans/a.ply", "bytes": 3, "sha256": "0" * 64}]
         assert record["map"]["settings"] == {"voxel": 0.5}
-        assert record["points"] == len(read_map_folder(one).parts[0].points)
+        assert record["points"] == len(read_map_folder(whole).parts[0].points)
         assert record["taken"]["utc"] == ["2016-12-31T23:59:50.250000Z", "2017-01-01T00:00:07.750000Z"]
         assert "mean sea level" in record["vertical_reference"]
         assert (record["origin"]["latitude_deg"], record["origin"]["height_m"]) == (60.0, -2.0)
@@ -78,18 +78,18 @@ def test_every_file_has_a_side_car_that_describes_it(one: Path, tmp_path: Path) 
     ],
 )
 def test_uncertain_georeferences_are_noted(
-    one: Path, tmp_path: Path, here: Georeference, crs: str | None, noted: tuple[str, ...], absent: tuple[str, ...]
+    whole: Path, tmp_path: Path, here: Georeference, crs: str | None, noted: tuple[str, ...], absent: tuple[str, ...]
 ) -> None:
-    notes = " ".join(export_map(placed(one, here), tmp_path, ExportSettings(("laz",), crs)).notes)
+    notes = " ".join(export_map(placed(whole, here), tmp_path, ExportSettings(("laz",), crs)).notes)
     assert [words for words in (*noted, *absent) if words in notes] == [*noted]
 
 
-def test_parts_without_a_place_are_named_and_not_written(two: Path, tmp_path: Path) -> None:
+def test_parts_without_a_place_are_named_and_not_written(split: Path, tmp_path: Path) -> None:
     """The user's origin places the largest part; otherwise those that instruments placed are written."""
-    exported = export_map(placed(two), tmp_path / "user", LAZ)
+    exported = export_map(placed(split), tmp_path / "user", LAZ)
     assert {path.name for path in exported.files} == {"map.laz", "map.laz.json"}
     assert any("map_2.ply" in note and "laz" in note for note in exported.notes)
-    folder = placed(two, replace(HERE, heading=90.0))
+    folder = placed(split, replace(HERE, heading=90.0))
     parts = tuple(replace(part, in_world=part.suffix == "_2") for part in folder.parts)
     exported = export_map(replace(folder, parts=parts), tmp_path, LAZ)
     assert {path.name for path in exported.files} == {"map_2.laz", "map_2.laz.json"}
@@ -105,19 +105,19 @@ def test_stamps_that_a_format_cannot_hold_are_refused(name: str, stamps: list[fl
         check_settings(ExportSettings((name,)), HERE, stamps)
 
 
-def test_a_map_without_georeference_is_refused(two: Path, tmp_path: Path) -> None:
+def test_a_map_without_georeference_is_refused(split: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--origin"):
-        export_map(read_map_folder(two), tmp_path / "gis", LAZ)
+        export_map(read_map_folder(split), tmp_path / "gis", LAZ)
     assert not (tmp_path / "gis").exists()
     with pytest.raises(InputError, match="--crs"):
         check_settings(ExportSettings((), "EPSG:32632"), None, [])
 
 
 @pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:4326", "nonsense"])
-def test_an_unusable_crs_is_refused(one: Path, crs: str, tmp_path: Path) -> None:
+def test_an_unusable_crs_is_refused(whole: Path, crs: str, tmp_path: Path) -> None:
     """EPSG:27700 needs a grid that PROJ does not include."""
     with pytest.raises(InputError, match=r"--crs .*"):
-        export_map(placed(one, Georeference(52.0, 0.2)), tmp_path / "gis", ExportSettings(("laz",), crs))
+        export_map(placed(whole, Georeference(52.0, 0.2)), tmp_path / "gis", ExportSettings(("laz",), crs))
     assert not (tmp_path / "gis").exists()
 
 
@@ -125,22 +125,22 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_an_export_replaces_only_earlier_exports(one: Path, tmp_path: Path) -> None:
+def test_an_export_replaces_only_earlier_exports(whole: Path, tmp_path: Path) -> None:
     (tmp_path / "map.laz").write_bytes(b"mine")
     with pytest.raises(InputError, match=r"map\.laz exists and"):
-        export_map(read_map_folder(one), tmp_path, ALL)
+        export_map(read_map_folder(whole), tmp_path, ALL)
     assert contents(tmp_path) == {"map.laz": b"mine"}
     (tmp_path / "map.laz").unlink()
-    export_map(placed(one, replace(HERE, longitude=9.0)), tmp_path, LAZ)
+    export_map(placed(whole, replace(HERE, longitude=9.0)), tmp_path, LAZ)
     before = side_car(tmp_path / "map.laz")["sha256"]
-    export_map(read_map_folder(one), tmp_path, LAZ)
+    export_map(read_map_folder(whole), tmp_path, LAZ)
     assert side_car(tmp_path / "map.laz")["sha256"] != before
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt(), InputError("full")])
-def test_all_files_or_none(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException) -> None:
+def test_all_files_or_none(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException) -> None:
     """Stopped while the second format is written: the first is not written either, and an earlier export stays."""
-    export_map(read_map_folder(one), tmp_path, LAZ)
+    export_map(read_map_folder(whole), tmp_path, LAZ)
     before = contents(tmp_path)
 
     def stop(*_: object) -> None:
@@ -148,7 +148,7 @@ def test_all_files_or_none(one: Path, tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("sonarmap.tools.products.export.georeferenced.cells_of", stop)
     with pytest.raises(type(fault)):
-        export_map(placed(one, replace(HERE, longitude=9.0)), tmp_path, ExportSettings(("laz", "geotiff")))
+        export_map(placed(whole, replace(HERE, longitude=9.0)), tmp_path, ExportSettings(("laz", "geotiff")))
     assert contents(tmp_path) == before
 
 
@@ -178,8 +178,8 @@ def test_listed_files_that_are_not_exports_are_kept(tmp_path: Path) -> None:
     assert all(path.exists() for path in (tmp_path / "a", tmp_path / "a.json", out / "b.txt"))
 
 
-def test_formats_without_georeference_are_written_for_every_part(two: Path, tmp_path: Path) -> None:
-    folder = read_map_folder(two)
+def test_formats_without_georeference_are_written_for_every_part(split: Path, tmp_path: Path) -> None:
+    folder = read_map_folder(split)
     names = tuple(name for name in FORMATS if not FORMATS[name].needs_place)
     files = {path.name for path in export_map(folder, tmp_path, ExportSettings(names)).files}
     expected = {f"{name}{part}.{suffix}" for name, suffix in PLAIN for part in ("", "_2")} | {"graph.g2o", "graph.csv"}

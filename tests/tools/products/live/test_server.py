@@ -91,7 +91,7 @@ def test_files_on_disk_are_not_served(live: LivePage, path: str) -> None:
 def test_another_origin_is_refused(live: LivePage, origin: str) -> None:
     with pytest.raises(InvalidStatus, match="403"), feed(live, origin):
         pass
-    assert answer(live, "/feed")[0] == 403  # none at all
+    assert answer(live, "/feed")[0] == 403  # no origin at all
     assert still_serves(live)
 
 
@@ -142,7 +142,7 @@ def test_garbage_is_refused_and_the_server_survives(live: LivePage, capfd: pytes
                 connection.send(sent)
             with pytest.raises(ConnectionClosed, match=why):
                 drained(connection)
-    with feed(live) as connection, suppress(OSError):  # no frames at all
+    with feed(live) as connection, suppress(OSError):  # not a WebSocket frame
         connection.socket.sendall(garbage)
     for begin in (b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: "):
         with socket.create_connection(("127.0.0.1", urlsplit(live.address).port or 0)) as raw, suppress(OSError):

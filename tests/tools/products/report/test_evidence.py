@@ -40,7 +40,7 @@ def test_an_ellipsoid_is_turned_with_its_pose() -> None:
     np.testing.assert_allclose(track["turns"], [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-8)
     half_axes = np.abs(track["half_axes"][0])
     np.testing.assert_allclose(half_axes, [[0, 0.01, 0], [0.02, 0, 0], [0, 0, 0.05]], atol=1e-9)
-    for pose in ({}, {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}):  # not known, or the same
+    for pose in ({}, {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}):  # unknown, or unchanged
         assert track_of(part, {"poses": 7 * [pose], "pairs": []})["before"] is None
 
 
@@ -134,4 +134,4 @@ def test_rows_of_pairs_and_crossings() -> None:
     row = {"i": 3, "j": 20, "before_m": 0.5, "before_90_m": 1.25, "after_m": 0.123456, "after_90_m": 0.25}
     (shown,) = crossing_rows({"crossings": [row]})
     assert (shown["target"], shown["source"], shown["after_m"], shown["before_90_m"]) == (3, 20, 0.1235, 1.25)
-    assert crossing_rows({}) == []  # of an earlier version
+    assert crossing_rows({}) == []  # a map of an earlier version

@@ -135,7 +135,7 @@ def test_without_webgl_the_page_shows_pictures_and_a_notice(content: Content, tm
         assert re.search("cannot be shown.*pictures", plain.page.locator("#map .notice").inner_text())
         assert plain.page.locator("#map img").count() == 2
         assert plain.page.evaluate("[...document.images].every(image => image.naturalWidth === 1)")
-        assert plain.page.locator("#loops .link").count() > 0  # the rest is there
+        assert plain.page.locator("#loops .link").count() > 0  # the rest of the page is shown
         plain.page.locator("#loops .link").first.click()
 
 
