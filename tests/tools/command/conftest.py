@@ -1,4 +1,4 @@
-"""What several tests of commands start from."""
+"""Fixtures that several tests of commands share."""
 
 from pathlib import Path
 
@@ -12,19 +12,19 @@ from tests.samples.clutter_scans import scan, write
 
 @pytest.fixture
 def pair(tmp_path: Path) -> list[str]:
-    """Files of two scans of one place."""
+    """Paths of two scans of one place."""
     return write(tmp_path, target=scan(0), source=scan(1))
 
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """Files of four scans of one place."""
+    """Paths of four scans of one place."""
     return write(tmp_path_factory.mktemp("scans"), a=scan(0), b=scan(1), c=scan(2), d=scan(3))
 
 
 @pytest.fixture
 def seen(monkeypatch: pytest.MonkeyPatch) -> list[Scan]:
-    """The scans that a mapper is given, which then ends."""
+    """The scans given to a mapper, whose run then ends with InputError."""
     scans: list[Scan] = []
 
     def run(_: Mapper, given: tuple[Scan, ...], *__: object) -> None:

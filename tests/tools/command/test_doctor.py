@@ -1,4 +1,4 @@
-"""`sonarmap doctor` on installations and machines that are as they should be, and on broken ones."""
+"""`sonarmap doctor` on healthy and on broken installations and machines."""
 
 import json
 import os
@@ -26,8 +26,8 @@ COMMAND = [sys.executable, "-c", "from sonarmap.tools.command.start import start
 def sonarmap(
     *arguments: str, first: Path | None = None, limit: str = "", variables: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """The command in a process of its own. The modules of the folder `first` come before those that are installed;
-    `limit` is that of `ulimit`, as "-v 500000"."""
+    """Run the command as a subprocess. Modules in the folder `first` come before the installed ones; `limit` holds
+    arguments of `ulimit`, as "-v 500000"."""
     search_path = os.pathsep.join([*([str(first)] if first else []), str(ROOT)])
     environment = {**os.environ, "PYTHONPATH": search_path, "COLUMNS": "80", **(variables or {})}
     command = [*COMMAND, *arguments]
@@ -37,14 +37,14 @@ def sonarmap(
 
 
 def broken_module(folder: Path, name: str, error: str) -> Path:
-    """A folder with a package of this name that cannot be imported."""
+    """Add a package whose import raises `error` to a folder, and return the folder."""
     (folder / name).mkdir(parents=True)
     (folder / name / "__init__.py").write_text(f"raise {error}\n")
     return folder
 
 
 def examined(shown: subprocess.CompletedProcess[str]) -> dict[str, dict[str, Any]]:
-    """The checks of `doctor --json`, by their names."""
+    """The checks of `doctor --json` by name."""
     assert "Traceback" not in shown.stderr
     return {check["check"]: check for check in json.loads(shown.stdout)["checks"]}
 
@@ -59,7 +59,7 @@ def commands_of(check: dict[str, Any]) -> list[str]:
 
 class TestHealthy:
     @pytest.mark.slow
-    def test_json(self) -> None:
+    def test_json_of_a_healthy_installation(self) -> None:
         shown = sonarmap("doctor", "--json")
         checks = examined(shown)
         assert (shown.returncode, list(checks)) == (0, CHECKS)
@@ -75,7 +75,7 @@ class TestHealthy:
 
 class TestBroken:
     @pytest.mark.slow
-    def test_a_library_that_ends_the_process_is_blamed_and_the_others_are_tried(self, tmp_path: Path) -> None:
+    def test_a_library_that_crashes_is_named_and_the_others_are_checked(self, tmp_path: Path) -> None:
         crash = "SystemExit(__import__('os').kill(__import__('os').getpid(), 11))"
         broken_module(tmp_path, "laspy", crash)
         broken_module(tmp_path, "lazrs", "ImportError('libGL.so.1: cannot open shared object file: No such file')")
@@ -87,7 +87,7 @@ class TestBroken:
 
     @pytest.mark.slow
     @pytest.mark.parametrize("name", ["typer", "rich", "lazy_loader", "platformdirs", "numpy", "packaging"])
-    def test_it_works_without_what_the_command_line_is_made_of(self, tmp_path: Path, name: str) -> None:
+    def test_doctor_runs_without_a_library_of_the_command_line(self, tmp_path: Path, name: str) -> None:
         broken = broken_module(tmp_path, name, f"ModuleNotFoundError('No module named {name}', name={name!r})")
         shown = sonarmap("doctor", "--quick", "--json", first=broken)
         starts = name in ("platformdirs", "packaging")
@@ -99,7 +99,7 @@ class TestBroken:
             assert "'sonarmap doctor' says what is missing" in other.stderr
 
     @pytest.mark.slow
-    def test_a_version_that_is_too_old_is_named_with_the_command(self, tmp_path: Path) -> None:
+    def test_a_too_old_version_is_reported_with_the_upgrade_command(self, tmp_path: Path) -> None:
         about = tmp_path / "gtsam-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text("Metadata-Version: 2.1\nName: gtsam\nVersion: 1.0\n")
@@ -109,7 +109,7 @@ class TestBroken:
         assert re.search(r"-m pip install 'gtsam>=[\d.]+'$", commands_of(libraries)[0])
 
     @pytest.mark.slow
-    def test_a_variable_of_the_environment(self) -> None:
+    def test_a_wrong_pyopencl_ctx_is_reported(self) -> None:
         opencl = quick(variables={"PYOPENCL_CTX": "abacus"})["OpenCL"]
         assert opencl["seen"].startswith("no OpenCL device matches 'abacus'")
         assert commands_of(opencl) == ["unset PYOPENCL_CTX"]
@@ -137,13 +137,13 @@ def opencl(monkeypatch: pytest.MonkeyPatch, *steps: dict[str, Any], end: str = "
 
 class TestOpenCL:
     @pytest.mark.parametrize("end", ["it ended with SIGSEGV", f"{child.LATE} 900 s"])
-    def test_a_driver_that_crashes_or_hangs_while_it_is_tested(self, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
+    def test_a_driver_that_crashes_or_hangs_in_a_test_is_wrong(self, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
         finding = opencl(monkeypatch, {"begins": "loading PyOpenCL"}, {"begins": "testing the devices"}, end=end)
         assert (finding.verdict, finding.seen) == ("wrong", f"while testing the devices: {end}")
         assert finding.remedies
 
-    def test_a_driver_that_crashes_when_all_is_done(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Some do at the end of the process; by then the device has worked."""
+    def test_a_driver_that_crashes_at_exit_is_ok(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Some drivers crash when the process exits, after the device has worked."""
         finding = opencl(monkeypatch, {"devices": [DEVICE]}, PLAN, end="it ended with SIGSEGV")
         assert finding.verdict == "ok"
         assert "* 0:0 a processor: cpu, 6 units, 8.0 GiB, PoCL (driver 5.1); self-test passed; works" in finding.seen
@@ -168,11 +168,11 @@ def scans(tmp_path: Path) -> Path:
 
 
 class TestMachines:
-    def test_a_file_in_place_of_the_folder(self, tmp_path: Path) -> None:
+    def test_a_file_in_place_of_the_folder_is_reported(self, tmp_path: Path) -> None:
         (tmp_path / "out").touch()
         assert look_at(tmp_path / "out" / "map")[1] == f"{tmp_path / 'out'} is a file, not a folder"
 
-    def test_a_folder_of_another_user(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_folder_without_permission_is_reported(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def refuse(path: Path) -> bool:
             raise PermissionError(13, "Permission denied")
 
@@ -180,8 +180,8 @@ class TestMachines:
         assert look_at(tmp_path) == (0, "permission denied")
 
     @pytest.mark.slow
-    def test_a_limit_of_addresses(self, scans: Path, tmp_path: Path) -> None:
-        """A driver that says something else of it misleads, and none is tried."""
+    def test_too_little_address_space_is_reported(self, scans: Path, tmp_path: Path) -> None:
+        """No driver is tried, as its message would mislead."""
         shown = sonarmap("doctor", "--json", "--quick", limit="-v 500000")
         checks = examined(shown)
         assert (shown.returncode, checks["memory"]["verdict"]) == (2, "wrong")
@@ -192,8 +192,8 @@ class TestMachines:
         assert "'sonarmap doctor' says" in made.stderr
         assert "Traceback" not in made.stderr
 
-    def test_limits_of_control_groups(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Version 2: 1,000 MiB, of which 700 are used, 50 of these for files that need not stay."""
+    def test_memory_limits_of_control_groups_count(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Version 2: 1,000 MiB, 700 MiB in use, of which 50 MiB are inactive file cache."""
         group = tmp_path / "a" / "b"
         group.mkdir(parents=True)
         (tmp_path / "own").write_text("0::/a/b\n")
@@ -208,14 +208,14 @@ class TestMachines:
         assert "the control group" not in memory_limits()
 
 
-def test_commands_stand_alone_and_whole() -> None:
+def test_commands_are_printed_unbroken_on_lines_of_their_own() -> None:
     command = "a " * 60 + "b"
     lines = lines_of(Finding("wrong", "one " * 40 + "\ntwo", (Remedy("do:", command), Remedy("or this"))), 80)
     assert [line.strip() for line in lines[-4:]] == ["two", "> do:", command, "> or this"]
     assert max(len(line) for line in lines if command not in line) <= 80
 
 
-def test_the_worst_verdict_counts() -> None:
+def test_the_overall_verdict_is_the_worst_one() -> None:
     good, bad, doubtful = (Finding(verdict, "") for verdict in ("ok", "wrong", "warning"))
     assert as_json([good, doubtful])["verdict"] == "warning"
     assert summary([good, doubtful]).endswith("all that is needed works; 1 warning")

@@ -1,4 +1,4 @@
-"""The help: verbs in groups, common options at first, and nothing missing in the long one."""
+"""The help: verbs in groups, common options in --help, all options in --help-all."""
 
 import pytest
 import typer
@@ -16,7 +16,7 @@ def page(*arguments: str) -> str:
     return result.stdout
 
 
-def test_the_verbs_stand_in_groups() -> None:
+def test_verbs_are_listed_in_groups() -> None:
     words = page("--help").replace("│", " ").split()
     places = [words.index(verb, words.index(group.split()[0])) for group, verbs in GROUPS.items() for verb in verbs]
     assert places == sorted(places)
@@ -24,7 +24,7 @@ def test_the_verbs_stand_in_groups() -> None:
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_rare_options_are_counted_and_left_to_the_long_help(verb: str) -> None:
+def test_rare_options_are_counted_in_help_and_listed_in_help_all(verb: str) -> None:
     for parameter in COMMANDS[verb].params:
         assert parameter.help, parameter.name
     rare = [each for each in COMMANDS[verb].params if each.hidden]

@@ -1,4 +1,4 @@
-"""`--method` end to end: other methods than the spectral one, behind the same verbs."""
+"""`--method` end to end: methods other than the spectral one, in the same verbs."""
 
 import json
 import sys
@@ -25,7 +25,7 @@ CONTRACT = {"T_target_source", "covariance", "accepted", "psr", "overlap", "seco
 
 @pytest.fixture(autouse=True)
 def _no_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No OpenCL device is looked for: a method that is not spectral takes none."""
+    """Fail if an OpenCL device is chosen: these methods need none."""
 
     def never(*_: object) -> None:
         raise AssertionError("a device was chosen")
@@ -34,7 +34,7 @@ def _no_device(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("method", ["icp", "icp-plane"])
-def test_a_pair_as_json(pair: list[str], method: str) -> None:
+def test_register_prints_the_result_as_json(pair: list[str], method: str) -> None:
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
     found, truth = printed(result), T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
     assert result.stderr == ""
@@ -46,7 +46,7 @@ def test_a_pair_as_json(pair: list[str], method: str) -> None:
     assert np.linalg.eigvalsh(found["covariance"]).min() > 0
 
 
-def test_two_places_are_refused(tmp_path: Path) -> None:
+def test_scans_of_two_places_are_not_accepted(tmp_path: Path) -> None:
     pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
     result = sonarmap("register", *pair, "--method", "icp", *VOXEL, "--json")
     found = printed(result, 3)
@@ -54,8 +54,8 @@ def test_two_places_are_refused(tmp_path: Path) -> None:
     assert "wanted at least" in found["reason"]
 
 
-def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None:
-    """It is so large that 128 of them, or as many as --grid says, hold the scan with a margin."""
+def test_the_voxel_size_follows_from_grid_as_for_the_spectral_method(pair: list[str]) -> None:
+    """A cube of 128 voxels, or of --grid voxels, along each edge holds the scan with a margin."""
     coarse, fine = (
         json.loads(sonarmap("register", *pair, "--method", "icp", *grid, "--json").stdout)["voxel"]
         for grid in (("--grid", "32"), ())
@@ -81,13 +81,13 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
     ],
 )
 @pytest.mark.parametrize("verb", ["register", "map"])
-def test_an_option_without_effect(pair: list[str], tmp_path: Path, verb: str, arguments: str, words: list[str]) -> None:
+def test_unused_option_is_refused(pair: list[str], tmp_path: Path, verb: str, arguments: str, words: list[str]) -> None:
     out = ("-o", tmp_path / "out") if verb == "map" else ()
     refused(sonarmap(verb, *pair, *out, *arguments.split()), *words)
 
 
 @pytest.mark.parametrize(("method", "module"), [("kiss", "kiss_matcher"), ("gicp", "small_gicp")])
-def test_a_missing_package(pair: list[str], method: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_is_named(pair: list[str], method: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
     refused(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")

@@ -1,4 +1,4 @@
-"""Every option of every verb: none is lost or renamed, and none changes its default unnoticed."""
+"""A table pins the names, values and defaults of all options of all verbs."""
 
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ TABLE = Path(__file__).with_name("option_table.txt")
 COMMANDS = typer.main.get_command(app).commands
 
 
-def test_every_option_is_as_in_the_table() -> None:
-    """The table has a line for each: verb, names, value or flag, default, and "rare" if only --help-all lists it."""
+def test_options_match_the_table() -> None:
+    """The table has a line per option: verb, names, value or flag, default, and "rare" if only --help-all lists it."""
     rows = [row_of(verb, parameter) for verb, command in COMMANDS.items() for parameter in command.params]
     assert sorted(rows) == TABLE.read_text(encoding="utf-8").splitlines()
 

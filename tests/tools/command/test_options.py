@@ -1,4 +1,4 @@
-"""The options that verbs share: their defaults and what arrives of them; arguments in errors become options."""
+"""Shared options, --set, shell completion, exit codes and messages of the command."""
 
 import os
 import re
@@ -24,8 +24,8 @@ from tests.samples.processor_time import processor_time
 from tests.samples.refusals import refuses
 
 
-def arrived(arguments: str) -> Result:
-    """What a verb of our own that takes every shared option prints of them."""
+def probe_result(arguments: str) -> Result:
+    """Result of a probe verb that takes every shared option and prints the values."""
     probe, names = typer.Typer(), ("grid", "voxel", "max_tilt", "settings", "device", "seed")
 
     def command(method: MethodOptions) -> None:
@@ -46,12 +46,12 @@ class TestSharedOptions:
             ),
         ],
     )
-    def test_values(self, arguments: str, printed: str) -> None:
-        assert arrived(arguments).stdout == f"{printed}\n"
+    def test_values_reach_the_verb(self, arguments: str, printed: str) -> None:
+        assert probe_result(arguments).stdout == f"{printed}\n"
 
     @pytest.mark.parametrize("edge", ["16", "90", "96", "512"])
-    def test_the_ends_of_the_grids_range(self, edge: str) -> None:
-        assert arrived(f"--grid {edge}").exit_code == 0
+    def test_grid_sizes_at_the_limits_are_accepted(self, edge: str) -> None:
+        assert probe_result(f"--grid {edge}").exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -62,11 +62,11 @@ class TestSharedOptions:
         ("run `sonarmap map` first", "run `sonarmap map` first"),
     ],
 )
-def test_an_argument_becomes_its_option(message: str, shown: str) -> None:
+def test_messages_name_options_instead_of_arguments(message: str, shown: str) -> None:
     assert as_options(message) == shown
 
 
-def test_every_option_of_the_table_is_one_of_a_verb() -> None:
+def test_options_named_in_messages_exist() -> None:
     from typer.main import get_command
 
     # pyrefly: ignore[missing-attribute]
@@ -75,7 +75,7 @@ def test_every_option_of_the_table_is_one_of_a_verb() -> None:
     assert set(OPTIONS.values()) <= options
 
 
-def test_set_reaches_every_field() -> None:
+def test_set_changes_nested_settings() -> None:
     settings = changed(MapperSettings(), ["limits.step=2", "keys.step=0.5", "min_seen=3", "straighten=false"])
     assert (settings.limits.step, settings.keys.step, settings.min_seen, settings.straighten) == (2, 0.5, 3, False)
 
@@ -92,7 +92,7 @@ def test_set_reaches_every_field() -> None:
         ("min_seen=0", "`min_seen=0`"),
     ],
 )
-def test_a_mistake_in_set(text: str, words: str) -> None:
+def test_a_mistake_in_set_is_refused(text: str, words: str) -> None:
     refuses(re.escape(words), changed, MapperSettings(), [text])
 
 
@@ -103,16 +103,16 @@ CALL = [
 ]
 
 
-def asked(**variables: str) -> str:
-    """What the command answers its shell."""
+def shell_output(**variables: str) -> str:
+    """Output of the command for shell completion."""
     environment = {**os.environ, **variables, "PYTHONPATH": str(ROOT)}
     return subprocess.run(CALL, env=environment, capture_output=True, text=True, check=True).stdout
 
 
 def completed(line: str) -> list[str]:
-    """What bash is offered for the last word of a command line."""
+    """Completions that bash gets for the last word of a command line."""
     words = line.split(" ")
-    return asked(_SONARMAP_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(len(words) - 1)).split()
+    return shell_output(_SONARMAP_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(len(words) - 1)).split()
 
 
 LINES: dict[str, list[str]] = {
@@ -124,11 +124,11 @@ LINES: dict[str, list[str]] = {
     "sonarmap map --vertical EGM": ["EGM96", "EGM2008"],
     "sonarmap reproduce trans": ["translation"],
     "sonarmap simulate --priors attitude,": ["attitude,heading", "attitude,depth", "attitude,position"],
-    "sonarmap map --priors ": [],  # nothing of ours: the shell completes files
+    "sonarmap map --priors ": [],  # the shell itself completes files
     "sonarmap --inst": ["--install-completion"],
     "sonarmap map --device g": ["gpu"],
 }
-# The command loaded once, and what it answers of each line.
+# Load the command once, and print its completions of each line.
 MANY = """
 import os, sys
 from sonarmap.tools.command.start import start
@@ -144,7 +144,7 @@ for line in lines:
 
 @pytest.fixture(scope="module")
 def answers() -> dict[str, list[str]]:
-    """What bash is offered for the last words of all of LINES."""
+    """Completions that bash gets for the last word of each of LINES."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "_SONARMAP_COMPLETE": "complete_bash"}
     command = [sys.executable, "-c", MANY, *LINES]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
@@ -155,12 +155,12 @@ def answers() -> dict[str, list[str]]:
 
 
 @pytest.mark.parametrize(("line", "offered"), LINES.items())
-def test_what_is_offered(answers: dict[str, list[str]], line: str, offered: list[str]) -> None:
+def test_completions_of_the_last_word(answers: dict[str, list[str]], line: str, offered: list[str]) -> None:
     assert answers[line] == offered
 
 
-def test_it_answers_before_one_waits() -> None:
-    """Without SciPy, Open3D and the like: it computes for 0.3 s; what is checked is far more, for a slow machine."""
+def test_completion_is_quick_and_loads_no_slow_library() -> None:
+    """It takes about 0.3 s of processor time; the limit of 5 s leaves room for slow machines."""
     start = processor_time()
     completed("sonarmap map --")
     assert processor_time() - start < 5
@@ -188,11 +188,11 @@ def raiser(error: BaseException) -> Callable[[], None]:
 
 
 class TestExitCodes:
-    def test_an_error_to_mend_is_a_message_and_2(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_an_input_error_is_a_message_and_exit_code_2(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert exit_code_of(raiser(InputError("a.ply: it is [bold]empty[/bold]; give another"))) == 2
         assert capsys.readouterr() == ("", "error: a.ply: it is [bold]empty[/bold]; give another\n")
 
-    def test_a_defect_is_1(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_defect_exits_with_1(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv("SONARMAP_DEBUG", raising=False)
         assert exit_code_of(raiser(ZeroDivisionError("by\nzero"))) == 1
         (line,) = capsys.readouterr().err.splitlines()
@@ -209,14 +209,14 @@ class TestExitCodes:
         assert "Traceback (most recent call last)" in capsys.readouterr().err
 
     @pytest.mark.parametrize("ending", [typer.Exit(3), typer.BadParameter("no")])
-    def test_what_a_verb_decides_itself_passes(self, ending: Exception) -> None:
+    def test_exceptions_of_typer_pass_unchanged(self, ending: Exception) -> None:
         with pytest.raises(type(ending)) as ended:
             guarded(raiser(ending))()
         assert ended.value is ending
 
     @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("call", ["--version", "devices --json"])
-    def test_a_closed_pipe_is_quiet(self, call: str) -> None:
+    def test_a_closed_pipe_exits_with_141_silently(self, call: str) -> None:
         reader, writer = os.pipe()
         os.close(reader)
         with os.fdopen(writer, "w") as closed:
@@ -225,13 +225,13 @@ class TestExitCodes:
 
 
 class TestMessages:
-    def test_what_could_steer_a_terminal_is_escaped(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_control_characters_are_escaped(self, capsys: pytest.CaptureFixture[str]) -> None:
         say("scan\x1b[2J\x07\udcff.ply\nsecond line")
         assert capsys.readouterr().err == "scan\\x1b[2J\\x07\\udcff.ply\nsecond line\n"
 
 
 class TestEntry:
-    def test_an_interruption_before_the_verb_is_130(
+    def test_ctrl_c_before_the_verb_exits_with_130(
         self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
         monkeypatch.setattr("sonarmap.tools.command.main.app", raiser(KeyboardInterrupt()))
@@ -240,8 +240,8 @@ class TestEntry:
         assert ended.value.code == 130
         assert capsys.readouterr().err == "stopped: nothing was written\n"
 
-    def test_an_interruption_while_libraries_load_is_130_without_a_word(self) -> None:
-        """The interruption comes as the command line itself is looked for."""
+    def test_ctrl_c_while_libraries_load_exits_with_130_silently(self) -> None:
+        """SIGINT arrives while Python looks for the module of the command line."""
         program = """
 import os, signal, sys
 
@@ -258,6 +258,6 @@ start()
         assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
 
     @pytest.mark.slow
-    def test_version(self) -> None:
+    def test_version_is_printed(self) -> None:
         shown = sonarmap("--version")
         assert (shown.returncode, shown.stdout.split()[0], shown.stderr) == (0, "sonarmap", "")

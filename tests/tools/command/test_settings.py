@@ -20,8 +20,8 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_every_option_can_be_set_by_its_own_default(tmp_path: Path) -> None:
-    """By its name on the command line, with dashes or underscores; what is read is what the verb would have had."""
+def test_every_option_can_be_set_in_the_file(tmp_path: Path) -> None:
+    """Keys are names on the command line, with dashes or underscores; values are the options' defaults."""
     lines, wanted = list[str](), dict[str, dict[str, Any]]()
     for verb, command in VERBS.commands.items():
         lines.append(f"[{verb}]")
@@ -37,7 +37,7 @@ def test_every_option_can_be_set_by_its_own_default(tmp_path: Path) -> None:
     assert read_settings(write(tmp_path, "\n".join(lines)), VERBS.commands) == wanted
 
 
-def test_the_command_line_counts_for_more_and_what_came_from_the_file_is_printed(tmp_path: Path) -> None:
+def test_the_command_line_overrides_the_file_and_used_settings_are_printed(tmp_path: Path) -> None:
     path = write(tmp_path, "[bench]\ngrid = 16\npairs = 3\n[map]\ngrid = 64\n")
     arguments = ["--config", str(path), "bench", "--no-kernels", "--pairs", "0"]
     result = CliRunner().invoke(app, arguments)
@@ -55,7 +55,7 @@ def test_the_command_line_counts_for_more_and_what_came_from_the_file_is_printed
         ("[map]\ngrid = ", "no TOML file"),
     ],
 )
-def test_a_mistake_is_named_with_its_place_and_what_was_wanted(tmp_path: Path, text: str, words: str) -> None:
+def test_a_mistake_is_refused_with_its_place_and_a_suggestion(tmp_path: Path, text: str, words: str) -> None:
     path = write(tmp_path, text)
     refuses(re.escape(words), read_settings, path, VERBS.commands)
     refuses(re.escape(str(path)), read_settings, path, VERBS.commands)
@@ -70,7 +70,7 @@ def test_a_mistake_is_named_with_its_place_and_what_was_wanted(tmp_path: Path, t
         ("export = ['laz', 'nix']", "'nix'; choose from"),
     ],
 )
-def test_the_values_of_the_verb_that_runs_are_checked(tmp_path: Path, line: str, words: str) -> None:
+def test_only_values_of_the_verb_that_runs_are_checked(tmp_path: Path, line: str, words: str) -> None:
     path = write(tmp_path, f"[map]\n{line}\n")
     result = CliRunner().invoke(app, ["--config", str(path), "map", "a.ply", "-o", str(tmp_path / "out")])
     assert result.exit_code == 2

@@ -1,4 +1,4 @@
-"""What the user is warned of after mapping, and what the table says of refused pairs."""
+"""Warnings after mapping, progress bars, and the table of pairs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,29 +23,29 @@ from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_pose
 NAMES = [f"scan{k}" for k in range(24)]
 
 
-def told_of(covariance: np.ndarray) -> tuple[float, list[str]]:
-    """By how much loops moved a pose [m], and what is said."""
+def moved_and_warnings(covariance: np.ndarray) -> tuple[float, list[str]]:
+    """How far loops moved the poses [m], and the warnings."""
     truth = ring_poses(24)
     survey = Mapper(KnowingRegistrar(truth, covariance), 0.5).run(scans_of(truth))
     return survey.moved, faults(survey, NAMES)
 
 
 @pytest.mark.slow
-def test_loops_that_change_nothing_are_told() -> None:
+def test_loops_that_move_no_pose_are_reported() -> None:
     covariance = random_covariance(np.random.default_rng(0), 0.004, 0.03)
-    moved, told = told_of(1e-8 * covariance)
+    moved, messages = moved_and_warnings(1e-8 * covariance)
     assert moved < 1e-4
-    assert len(told) == 1
-    assert "loops were kept, but no pose moved by more than 0.001 voxels" in told[0]
-    moved, told = told_of(covariance)
+    assert len(messages) == 1
+    assert "loops were kept, but no pose moved by more than 0.001 voxels" in messages[0]
+    moved, messages = moved_and_warnings(covariance)
     assert moved > 0.05
-    assert told == []
+    assert messages == []
 
 
 def refusing(
     pairs: set[tuple[int, int]], broken: tuple[str, ...] = (), defects: set[tuple[int, int]] | None = None
 ) -> SurveyResult:
-    """A survey of which these pairs are refused, these scans cannot be prepared, and these pairs end by an error."""
+    """A survey in which `pairs` are refused, `broken` scans cannot be prepared, and `defects` raise an error."""
     truth = ring_poses(12, turns=0.3)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -56,23 +56,23 @@ def refusing(
     return Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil, broken), 0.5).run(scans_of(truth))
 
 
-def test_a_scan_that_only_bridges_pass_over_is_no_hint_at_twins() -> None:
+def test_gaps_around_one_refused_scan_do_not_suggest_two_places_of_one_build() -> None:
     pairs = {(i, j) for i in range(12) for j in range(12) if 4 in (i, j) and abs(i - j) < 3}
-    told = [fault for fault in faults(refusing(pairs), NAMES) if fault.startswith("gap")]
-    assert len(told) == 2
-    assert not any("of one build" in fault for fault in told)
+    messages = [fault for fault in faults(refusing(pairs), NAMES) if fault.startswith("gap")]
+    assert len(messages) == 2
+    assert not any("of one build" in fault for fault in messages)
 
 
 @pytest.mark.slow
-def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
-    """Though other pairs bridge it: it says nothing of the scans, and is not told as a gap of theirs."""
+def test_an_error_of_the_method_is_reported_and_the_map_is_incomplete() -> None:
+    """Other pairs bridge the failed ones, and no gap between the scans is reported."""
     survey = refusing(set(), defects={(4, 5), (4, 6)})
     assert len(survey.components) == 1
     ended = [pair for pair in survey.pairs if pair.is_defect]
     assert [pair.scans for pair in ended] == [(4, 5), (4, 6)]
     assert ended[0].reason == "failed: an error of the method, not of the scans: a slice begins at 7"
-    (told,) = faults(survey, NAMES)
-    assert told == (
+    (message,) = faults(survey, NAMES)
+    assert message == (
         f"2 of {len(survey.pairs)} pairs ended by an error of the method, whatever the scans show; the first, "
         "scan4 and scan5: a slice begins at 7"
     )
@@ -80,8 +80,8 @@ def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
     assert Mapped(refusing({(4, 5)}), NAMES, Path(), 0).whole
 
 
-def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
-    """Pairs sought where the motion has them are found there, as in the second of two pools in one folder."""
+def test_a_map_joined_only_by_assumed_motion_is_incomplete() -> None:
+    """Pairs searched near the assumed motion match there, even across two pools in one folder."""
     survey, away = refusing({(4, 5)}), ExpectedPose.of(RigidTransform.identity(), np.eye(6))
     sought = [replace(pair, expected=away) if pair.i < 5 <= pair.j else pair for pair in survey.pairs]
     joined = replace(survey, pairs=tuple(sought))
@@ -93,14 +93,14 @@ def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
     assert not replace(joined, pairs=(*(p for p in sought if p.scans != free.scans), free)).unconfirmed
 
 
-def test_a_mistake_of_the_navigation_stands_first_and_the_map_is_not_whole() -> None:
+def test_a_navigation_mistake_is_reported_first_and_the_map_is_incomplete() -> None:
     survey = replace(refusing(set()), mistake="they agree with depths in feet", understated={"depth": 4.0})
     assert faults(survey, NAMES)[0] == "they agree with depths in feet"
     assert not Mapped(survey, NAMES, Path(), 0).whole
 
 
 def navigated(times: float, seed: int) -> SurveyResult:
-    """A survey with depths and positions that err so many times as much as they say."""
+    """A survey whose depths and positions err by `times` their stated sigmas."""
     truth, rng = ring_poses(12, turns=0.3), np.random.default_rng(seed)
     sigmas = np.array([np.inf, np.inf, np.inf, 0.5, 0.5, 0.1])
     scans = [
@@ -111,7 +111,7 @@ def navigated(times: float, seed: int) -> SurveyResult:
 
 
 @pytest.mark.slow
-def test_navigation_that_the_map_contradicts_is_said_first_and_the_map_is_not_to_be_trusted() -> None:
+def test_contradicted_navigation_is_reported_first_and_the_map_is_incomplete() -> None:
     right, wrong = navigated(1.0, 0), navigated(6.0, 0)
     assert contradictions(right) == []
     assert Mapped(right, NAMES, Path(), 0).whole
@@ -119,7 +119,7 @@ def test_navigation_that_the_map_contradicts_is_said_first_and_the_map_is_not_to
     assert faults(wrong, NAMES)[0] == contradictions(wrong)[0]
     assert len(set(faults(wrong, NAMES))) == len(faults(wrong, NAMES))
     assert not Mapped(wrong, NAMES, Path(), 0).whole
-    # depths that bend a chain have the sure loops refused
+    # depths that bend the chain make confident loops rejected
     refused = replace(right, pairs=tuple(replace(pair, edge=None) if pair.j % 3 else pair for pair in right.pairs))
     assert "accepted pairs are rejected, as they contradict navigation" in faults(refused, NAMES)[0]
     assert not Mapped(refused, NAMES, Path(), 0).whole
@@ -133,21 +133,21 @@ def test_navigation_that_the_map_contradicts_is_said_first_and_the_map_is_not_to
     assert counts == [(0, 0), (3, 3)]
 
 
-def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_only_the_three_most_important_warnings_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     survey = refusing({(1, 2), (3, 4), (8, 9)}, ("scan6",))
-    told = faults(survey, NAMES)
-    assert len(told) == 4
-    assert told[0].startswith("scan6 is in no map")
+    messages = faults(survey, NAMES)
+    assert len(messages) == 4
+    assert messages[0].startswith("scan6 is in no map")
     mapped = Mapped(survey, NAMES[:12], tmp_path, 0)
     warn_of_faults(mapped)
     shown = capsys.readouterr().err.splitlines()
-    assert shown[:3] == [f"warning: {sentence}" for sentence in told[:3]]
+    assert shown[:3] == [f"warning: {sentence}" for sentence in messages[:3]]
     assert shown[3] == f"warning: 1 more, and all in full: {tmp_path / 'summary.json'} (warnings), or --verbose"
     warn_of_faults(mapped, verbose=True)
-    assert capsys.readouterr().err.splitlines() == [f"warning: {sentence}" for sentence in told]
+    assert capsys.readouterr().err.splitlines() == [f"warning: {sentence}" for sentence in messages]
 
 
-def test_the_way_is_that_of_every_map_and_survey() -> None:
+def test_the_track_length_excludes_the_step_between_surveys() -> None:
     survey = refusing(set())
     places = survey.trajectory.T_world_sensor.translation
     steps = np.sqrt(((places[1:] - places[:-1]) ** 2).sum(axis=1))
@@ -157,14 +157,14 @@ def test_the_way_is_that_of_every_map_and_survey() -> None:
 
 
 @pytest.mark.slow
-def test_a_scan_that_is_to_blame_is_told_once() -> None:
+def test_a_scan_that_cannot_be_prepared_is_reported_once() -> None:
     assert faults(refusing(set(), ("scan4",)), NAMES) == ["scan4 is in no map: it is of no use; drop it"]
     (several,) = faults(refusing(set(), ("scan4", "scan8")), NAMES)
     assert several == "2 scans are in no map: scan4, scan8; the first: it is of no use; drop it"
 
 
 @pytest.mark.slow
-def test_each_gap_is_told_and_many_together() -> None:
+def test_two_gaps_are_reported_singly_and_four_together() -> None:
     survey, why = refusing({(1, 2), (4, 5)}), ": refused by the registration: too weak at"
     assert len(survey.components) == 1
     twins = ", bridged by other pairs, as two places of one build would be too, such as two tanks (then give the scans "
@@ -186,7 +186,7 @@ with growing_progress("mapping") as step:
 
 
 @pytest.mark.parametrize("columns", [60, *(pytest.param(n, marks=pytest.mark.slow) for n in (80, 120))])
-def test_bar_count_and_time_left_stay_whatever_is_said_of_a_pair(columns: int) -> None:
+def test_a_long_message_does_not_hide_bar_count_and_time_left(columns: int) -> None:
     shown = on_screen(COUNTING, columns=columns, when=r"\b3\d/1200")
     line, words = shown.moment
     assert line.startswith("mapping ")
@@ -197,19 +197,19 @@ def test_bar_count_and_time_left_stay_whatever_is_said_of_a_pair(columns: int) -
     assert words.startswith("  scan_008 - scan_009: accepted")
     assert words.endswith("…")
     assert max(map(len, shown.moment)) <= columns
-    assert len(shown.lines) == 1  # what is over is a line
+    assert len(shown.lines) == 1  # a finished bar becomes one line
     assert "40/1200" in shown.lines[0]
     assert "left" not in shown.lines[0]
 
 
 class TestProgress:
-    def test_quiet_says_nothing(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_quiet_prints_nothing(self, capsys: pytest.CaptureFixture[str]) -> None:
         with progress("pairs", 2, quiet=True) as advance:
             advance("one")
             advance("two")
         assert capsys.readouterr() == ("", "")
 
-    def test_a_pipe_gets_few_lines(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_a_pipe_gets_one_line(self, capsys: pytest.CaptureFixture[str]) -> None:
         with progress("pairs", 100) as advance:
             for _ in range(100):
                 advance("a [note]")
@@ -219,7 +219,7 @@ class TestProgress:
         assert printed.err.startswith("pairs: 100 of 100, ")
         assert printed.err.endswith("(a [note])\n")
 
-    def test_the_time_left(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_time_left_is_estimated(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         clock = [0.0]
         monkeypatch.setattr("sonarmap.tools.command.terminal.time.monotonic", lambda: clock[0])
         with progress("pairs", 3) as advance:
@@ -227,15 +227,15 @@ class TestProgress:
                 advance("")
         assert capsys.readouterr().err == "pairs: 2 of 3, 6.0 s, about 4 s left\npairs: 3 of 3, 9.0 s\n"
 
-    def test_the_plan_may_grow(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_the_total_may_grow(self, capsys: pytest.CaptureFixture[str]) -> None:
         with growing_progress("mapping") as step:
             step(1, 2, "0 - 1")
             step(2, 5, "1 - 2")
-        said = capsys.readouterr().err
-        assert said.startswith("mapping: 2 of 5, ")
-        assert said.endswith(" s left (1 - 2)\n")
+        shown = capsys.readouterr().err
+        assert shown.startswith("mapping: 2 of 5, ")
+        assert shown.endswith(" s left (1 - 2)\n")
 
-    def test_an_error_ends_it_without_a_word(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_an_error_ends_the_progress_silently(self, capsys: pytest.CaptureFixture[str]) -> None:
         def fail_after_one() -> None:
             with progress("pairs", 2) as advance:
                 advance("one")
@@ -252,7 +252,7 @@ SONARMAP = "from sonarmap.tools.command.main import run; run()"
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four in scans/, one of them of another place; beside them a copy and a file that is no scan."""
+    """Folder with scans/: three scans of one place, one of another, a copy, and a file that is not a scan."""
     folder = tmp_path_factory.mktemp("dive") / "scans"
     folder.mkdir()
     write(folder, a=scan(0), b=scan(1), b_copy=scan(1), c=scan(2), d=scan(3, scene=2))
@@ -261,10 +261,10 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
+def test_a_terminal_shows_that_the_map_is_incomplete(scans: Path) -> None:
     shown = on_screen(SONARMAP, "map", "scans", "scans/a.ply", "-o", "out", *GRID, folder=scans)
     assert shown.exit_code == 3
-    assert len(shown.lines) <= 24  # the summary is among them
+    assert len(shown.lines) <= 24  # including the summary
     start = next(k for k, line in enumerate(shown.lines) if line.startswith("scans "))
     assert shown.lines[start] == "scans     4 of 6 placed in one map (1 in no map, 1 cannot be read)"
     rows = [line.split()[0] for line in shown.lines[start : start + 6]]
@@ -276,7 +276,7 @@ def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_table_of_pairs_keeps_its_numbers(scans: Path) -> None:
+def test_the_table_of_pairs_is_not_truncated_at_60_or_80_columns(scans: Path) -> None:
     for columns in (60, 80):
         command = ("map", "scans", "-o", "out", *GRID, "--verbose")
         shown = on_screen(SONARMAP, *command, columns=columns, rows=80, folder=scans)

@@ -59,7 +59,7 @@ NOT_SCANS = {
 
 
 @pytest.mark.parametrize(("case", "place"), [(case, ("target", "source")[k % 2]) for k, case in enumerate(NOT_SCANS)])
-def test_what_is_no_scan_is_refused(good: str, tmp_path: Path, case: str, place: str) -> None:
+def test_files_that_are_not_scans_are_refused(good: str, tmp_path: Path, case: str, place: str) -> None:
     name, content, words = NOT_SCANS[case]
     (tmp_path / name).write_bytes(content)
     pair = [tmp_path / name, good] if place == "target" else [good, tmp_path / name]
@@ -67,7 +67,7 @@ def test_what_is_no_scan_is_refused(good: str, tmp_path: Path, case: str, place:
 
 
 @pytest.mark.parametrize("name", ["missing.ply", "missing", "missing/*.ply", "missing.sonar#2", "\x1b[2Jmissing.ply"])
-def test_what_is_missing_is_refused(good: str, tmp_path: Path, name: str) -> None:
+def test_missing_files_are_refused(good: str, tmp_path: Path, name: str) -> None:
     for verb in (["register", good, tmp_path / name], ["map", good, tmp_path / name, "-o", tmp_path / "out"]):
         result = sonarmap(*verb)
         refused(result, "error: ", "missing")
@@ -75,7 +75,7 @@ def test_what_is_missing_is_refused(good: str, tmp_path: Path, name: str) -> Non
     assert not (tmp_path / "out").exists()
 
 
-def test_one_scan_alone_is_no_map(good: str, tmp_path: Path) -> None:
+def test_map_refuses_a_single_scan(good: str, tmp_path: Path) -> None:
     for inputs in ([good], [good, good], [tmp_path]):
         result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
         refused(result, "1 scan given; a map needs at least two")
@@ -86,7 +86,7 @@ def test_one_scan_alone_is_no_map(good: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("bad", "points"), [("a", np.ones((1, 3), np.float32)), ("b", plane()), ("c", plane())], ids=["a", "b", "c"]
 )
-def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, points: np.ndarray) -> None:
+def test_a_bad_scan_leaves_a_gap_and_the_others_are_mapped(tmp_path: Path, bad: str, points: np.ndarray) -> None:
     scans = {"a": scan(0), "b": scan(1), "c": scan(2)} | {bad: points}
     result = sonarmap("map", *write(tmp_path, **scans), "-o", tmp_path / "out", *GRID, "--json")
     summary = printed(result, 3)
@@ -104,7 +104,7 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
 
 
 @pytest.mark.slow
-def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
+def test_scans_of_two_places_give_two_maps(tmp_path: Path) -> None:
     paths = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
     result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")
     summary = printed(result, 3)
@@ -113,16 +113,16 @@ def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
     tried = table_of(tmp_path / "out" / "pairs.csv")
     assert not any(pair["kept"] == "yes" for pair in tried if int(pair["target"]) < 2 <= int(pair["source"]))
     said(result, "gap between b and c: refused by the registration", "2 separate parts")
-    told = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
-    assert told.exit_code == 3
-    assert "4 of 4 placed in 2 separate maps" in told.stdout
+    text = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
+    assert text.exit_code == 3
+    assert "4 of 4 placed in 2 separate maps" in text.stdout
 
 
-def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> None:
+def test_a_survey_without_a_usable_pair_is_refused(tmp_path: Path) -> None:
     paths = write(tmp_path, a=plane(), b=scan(0), c=plane())
     result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
     refused(result, "none of the 3 pairs", "a: all its points lie in one plane")
-    assert set(files_in(tmp_path / "out")) == {"journal.sqlite"}  # what was tried is not tried again
+    assert set(files_in(tmp_path / "out")) == {"journal.sqlite"}  # keeps the tried pairs for the next run
 
 
 @pytest.mark.parametrize(
@@ -141,21 +141,21 @@ def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> No
     ],
 )
 @pytest.mark.parametrize("verb", ["register", "map"])
-def test_options_that_make_no_sense_are_refused(tmp_path: Path, verb: str, options: str, words: list[str]) -> None:
-    """Each says what was given, what was wanted and what to do."""
+def test_invalid_option_values_are_refused(tmp_path: Path, verb: str, options: str, words: list[str]) -> None:
+    """The message says what was given, what was wanted and what to do."""
     out = ["-o", tmp_path / "out"] if verb == "map" else []
     refused(sonarmap(verb, *write(tmp_path, a=scan(0), b=scan(1)), *out, *options.split()), *words)
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(("voxel", "words"), [("1e-6", "Give a larger --voxel"), ("1e6", "wanted at least 20")])
-def test_voxels_far_too_small_or_too_large_are_an_error(tmp_path: Path, voxel: str, words: str) -> None:
+def test_far_too_small_or_large_voxels_are_refused(tmp_path: Path, voxel: str, words: str) -> None:
     result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), *GRID, "--voxel", voxel, "--json")
     refused(result, words, "--voxel")
 
 
 class SmallDevice:
-    """An OpenCL device that says it has less memory than it has."""
+    """An OpenCL device that reports less memory than it has."""
 
     def __init__(self, actual: object, memory: int) -> None:
         self._actual, self.global_mem_size, self.max_mem_alloc_size = actual, memory, memory // 4
@@ -165,7 +165,7 @@ class SmallDevice:
 
 
 @pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**28, "--grid 96"), (2**10, "another")])
-def test_a_grid_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str) -> None:
+def test_too_large_grid_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str) -> None:
     def choose_small(selector: str | None = None) -> Device:
         device = choose_device(selector)
         # pyrefly: ignore[bad-assignment]
@@ -183,7 +183,7 @@ def test_a_grid_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memor
 @pytest.mark.parametrize(
     ("bad", "case"), [("a", "nothing finite"), ("b", "no bytes"), ("c", "too much"), ("d", "text")]
 )
-def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, case: str) -> None:
+def test_an_unreadable_file_leaves_a_gap_and_the_others_are_mapped(tmp_path: Path, bad: str, case: str) -> None:
     name, content, (_, *words) = NOT_SCANS[case]
     file, others = tmp_path / "scans" / name.replace("bad", bad), [other for other in "abcd" if other != bad]
     write(file.parent, **{other: scan("abcd".index(other)) for other in others})
@@ -199,7 +199,7 @@ def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert words[0] in unread["reason"]
 
 
-def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path: Path) -> None:
+def test_fewer_than_two_readable_scans_are_refused(good: str, tmp_path: Path) -> None:
     (tmp_path / "bad.ply").write_bytes(b"")
     for inputs, left in (([good, tmp_path / "bad.ply"], "1 of 2"), ([tmp_path / "bad.ply"], "0 of 1")):
         result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)

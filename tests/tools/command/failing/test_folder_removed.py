@@ -1,4 +1,4 @@
-"""The output folder, or its journal, is removed while a command runs: an error in words, and nothing half written."""
+"""The output folder, or its journal, is removed while a command runs: a clear error, and no partial results."""
 
 import shutil
 from collections.abc import Callable
@@ -61,7 +61,7 @@ KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.produ
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("remove", [folder, journal, a_file_instead])
 @pytest.mark.parametrize("moment", [BEFORE, AFTER])
-def test_while_pairs_are_kept(out: Path, scans: list[str], remove: Removal, moment: bool, monkeypatch: Patch) -> None:
+def test_removal_while_saving(out: Path, scans: list[str], remove: Removal, moment: bool, monkeypatch: Patch) -> None:
     when(monkeypatch, KEEP, lambda: remove(out), moment)
     result = sonarmap("map", *scans, "-o", out, *GRID, "--json")
     refused(result, f"{out / 'journal.sqlite'} was removed or replaced while this run was using it", "again")
@@ -79,7 +79,7 @@ def test_while_pairs_are_kept(out: Path, scans: list[str], remove: Removal, mome
     ],
 )
 @pytest.mark.parametrize("remove", [folder, a_file_instead])
-def test_while_results_are_written(
+def test_removal_while_writing(
     out: Path, scans: list[str], remove: Removal, verb: str, function: str, moment: bool, monkeypatch: Patch
 ) -> None:
     when(monkeypatch, function, lambda: remove(out), moment)
@@ -90,12 +90,12 @@ def test_while_results_are_written(
 
 
 @pytest.mark.parametrize("remove", [folder, a_file_instead])
-def test_while_a_graph_is_optimized(out: Path, remove: Removal, monkeypatch: Patch) -> None:
+def test_removal_while_optimizing(out: Path, remove: Removal, monkeypatch: Patch) -> None:
     source = out.parents[1] / "in.g2o"
     source.write_bytes(POSE_FILES["g2o"].content)
     when(monkeypatch, "sonarmap.tools.files.writers.poses:_line", lambda: remove(out))
     result = sonarmap("optimize", source, "-o", out / "out.g2o")
-    if remove is folder:  # nothing was written yet: it is made again
+    if remove is folder:  # nothing was written yet: the folder is created again
         assert result.exit_code == 0
         assert set(files_in(out)) == {"out.g2o"}
     else:

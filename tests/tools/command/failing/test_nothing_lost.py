@@ -1,4 +1,4 @@
-"""What can go wrong while results are written or printed: earlier results stay whole, and nothing half done is left."""
+"""Failures while results are written or printed: earlier results stay whole, and no partial results are left."""
 
 import os
 import resource
@@ -33,7 +33,7 @@ def mapped(scans: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def out(tmp_path: Path) -> Path:
-    """A folder with an earlier run's results, which are easy to tell from new ones."""
+    """A folder with placeholder results of an earlier run."""
     folder = tmp_path / "out"
     folder.mkdir()
     for name in RESULTS:
@@ -42,7 +42,7 @@ def out(tmp_path: Path) -> Path:
 
 
 def results_in(folder: Path) -> dict[str, bytes]:
-    """Everything but the journal, which is to have what is done whatever becomes of the rest."""
+    """All files but the journal, which keeps finished pairs even if the results cannot be written."""
     return {name: content for name, content in files_in(folder).items() if name != "journal.sqlite"}
 
 
@@ -53,17 +53,17 @@ def run(*arguments: str | Path, **streams: Any) -> subprocess.CompletedProcess[s
 
 
 @pytest.mark.parametrize("place", ["file/out", "odd"])  # odd has a folder for map.ply
-def test_an_output_folder_that_cannot_be_written(tmp_path: Path, scans: list[str], place: str) -> None:
+def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path: Path, scans: list[str], place: str) -> None:
     (tmp_path / "file").write_text("mine")
     (tmp_path / "odd" / "map.ply").mkdir(parents=True)
     out = tmp_path / place
     refused(sonarmap("map", *scans[:2], "-o", out, *GRID, "--json"), f"cannot write {out}", "another output folder")
     assert (tmp_path / "file").read_text() == "mine"
-    # that this name is taken shows last, when pairs have been kept
+    # the folder named map.ply is noticed last, after pairs are in the journal
     assert {path.name for path in (tmp_path / "odd").iterdir()} <= {"map.ply", "journal.sqlite"}
 
 
-def test_an_output_folder_is_tried_before_the_work(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_output_folder_is_checked_before_the_work(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     for work in ("sonarmap.slam.mapper.Mapper.run", "sonarmap.tools.lab.simulate.simulation.simulate"):
         monkeypatch.setattr(work, lambda *_, **__: pytest.fail("worked before it looked"))
     assert sonarmap("map", *scans, "-o", Path(scans[0]) / "out", *GRID).exit_code == 2
@@ -86,13 +86,13 @@ def small_files() -> Iterator[None]:
     [("simulate", "sonarmap.tools.lab.simulate.folder"), ("map", "sonarmap.tools.products.output.folder")],
 )
 @pytest.mark.quick_cases(1)
-def test_a_file_that_grows_too_large_leaves_earlier_results(
+def test_a_file_above_the_size_limit_leaves_earlier_results(
     out: Path, scans: list[str], verb: str, module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Small files still fit: none of them may appear either."""
+    """Small files would fit, but must not be replaced either."""
     before = files_in(out)
     write_files = getattr(import_module(module), "_write_files")  # noqa: B009 - the type checker knows no module by its name
-    # Not earlier: the OpenCL compiler ends the whole program where its own files do not fit.
+    # Not earlier: the OpenCL compiler ends the process if its own files exceed the limit.
     monkeypatch.setattr(f"{module}._write_files", small_files()(write_files))
     arguments = ["simulate"] if verb == "simulate" else ["map", *scans, *GRID]
     result = sonarmap(*arguments, "-o", out)
@@ -102,7 +102,7 @@ def test_a_file_that_grows_too_large_leaves_earlier_results(
 
 @pytest.mark.parametrize("written", ["write_ply", "draw_map", "write_g2o", "write_pairs", "write_json"])
 @pytest.mark.slow
-def test_stopped_while_it_writes(
+def test_ctrl_c_while_writing_leaves_earlier_results(
     out: Path, scans: list[str], mapped: Path, written: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = files_in(out)
@@ -118,7 +118,7 @@ def test_stopped_while_it_writes(
 
 
 @pytest.mark.slow
-def test_results_that_cannot_be_printed_are_an_error(tmp_path: Path, scans: list[str]) -> None:
+def test_a_full_device_at_stdout_is_an_error(tmp_path: Path, scans: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         ended = run("map", *scans[:2], *GRID, "-o", tmp_path, stdout=full)
     assert ended.returncode == 2
@@ -128,7 +128,7 @@ def test_results_that_cannot_be_printed_are_an_error(tmp_path: Path, scans: list
 
 
 @pytest.mark.slow
-def test_a_reader_that_left_is_no_error(scans: list[str]) -> None:
+def test_a_closed_stdout_pipe_exits_with_141_silently(scans: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "w") as closed:
@@ -144,7 +144,7 @@ def as_command(*arguments: str | Path, program: str = PROGRAM) -> list[str]:
 @pytest.mark.parametrize(
     "closed", [*(pytest.param(stream, marks=pytest.mark.slow) for stream in ("<&-", ">&-", "2>&-")), "<&- >&- 2>&-"]
 )
-def test_closed_streams_are_no_error(tmp_path: Path, scans: list[str], mapped: Path, closed: str) -> None:
+def test_closed_standard_streams_are_no_error(tmp_path: Path, scans: list[str], mapped: Path, closed: str) -> None:
     out = tmp_path / "out"
     command = as_command("map", *scans[:2], "-o", out, *GRID)
     ended = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", *command], cwd=ROOT, capture_output=True)

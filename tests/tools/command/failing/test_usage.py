@@ -1,4 +1,4 @@
-"""What typer refuses; failures with --json are JSON, and --quiet is quiet."""
+"""Usage errors of typer, failures as JSON with --json, and --quiet."""
 
 import json
 from pathlib import Path
@@ -24,17 +24,17 @@ from tests.samples.clutter_scans import refused, refused_with_reason, said, scan
         )),
     ],
 )  # fmt: skip
-def test_what_was_given_and_what_to_do(line: str, message: str) -> None:
+def test_usage_errors_say_what_was_given_and_what_to_do(line: str, message: str) -> None:
     result = sonarmap(*line.split())
     assert (result.exit_code, result.stdout) == (2, "")
-    said = " ".join(result.stderr.split())
-    assert said.startswith("error: ")
-    assert message in said
-    assert said.endswith("--help` shows how it is called.")
-    assert "╭" not in said
+    shown = " ".join(result.stderr.split())
+    assert shown.startswith("error: ")
+    assert message in shown
+    assert shown.endswith("--help` shows how it is called.")
+    assert "╭" not in shown
 
 
-def test_without_a_verb_there_is_the_help() -> None:
+def test_without_a_verb_the_help_is_printed() -> None:
     result = sonarmap()
     assert result.exit_code == 2
     assert "Usage: sonarmap" in result.output
@@ -68,13 +68,13 @@ class TestJson:
             ("fly --json", "No such command 'fly'"),
         ],
     )
-    def test_what_is_refused(self, arguments: str, words: str) -> None:
+    def test_refusals_are_printed_as_json(self, arguments: str, words: str) -> None:
         result = sonarmap(*arguments.split())
         assert words in str(failure(result)["error"])
         refused(result, words)
 
     @pytest.mark.parametrize(("error", "code"), [(ZeroDivisionError("by zero"), 1), (KeyboardInterrupt(), 130)])
-    def test_a_defect_and_an_interruption(
+    def test_a_defect_and_ctrl_c_are_printed_as_json(
         self, error: BaseException, code: int, scans: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
         def fail(*_: object, **__: object) -> None:
@@ -87,8 +87,8 @@ class TestJson:
         assert ("stopped: no pair was done yet" in words) == (code == 130)
         said(result, words)
 
-    def test_a_message_is_never_longer_than_anybody_reads(self) -> None:
-        """Whatever it quotes of a damaged file, or of the command line."""
+    def test_a_long_message_is_shortened(self) -> None:
+        """Even if it quotes much of a damaged file or of the command line."""
         result = sonarmap("map", "x" * 100_000, "-o", "out", "--json")
         message = str(failure(result)["error"])
         assert len(message) < 3100
@@ -103,7 +103,7 @@ class TestJson:
 
 class TestQuiet:
     @pytest.mark.slow
-    def test_nothing_but_warnings_and_errors(self, scans: list[str], tmp_path: Path) -> None:
+    def test_quiet_prints_only_warnings_and_errors(self, scans: list[str], tmp_path: Path) -> None:
         result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--quiet")
         assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
         again = sonarmap("map", *reversed(scans), "-o", tmp_path, *GRID, "--quiet")
@@ -138,7 +138,7 @@ CALLS = [
 
 @pytest.mark.parametrize("call", CALLS, ids=" ".join)
 @pytest.mark.parametrize("name", ["n" * 300, "gone"], ids=["long", "gone"])
-def test_a_path_that_the_system_refuses_is_no_defect(
+def test_a_path_that_the_system_refuses_is_an_input_error(
     tmp_path: Path, call: tuple[str, ...], name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "scans").mkdir()

@@ -1,4 +1,4 @@
-"""`sonarmap live` as a command: its map is that of `sonarmap map`, whatever is killed meanwhile."""
+"""`sonarmap live` end to end: its map equals that of `sonarmap map`, even if a process is killed meanwhile."""
 
 import json
 import os
@@ -39,19 +39,19 @@ def live(out: Path, *arguments: str | Path) -> "subprocess.Popen[str]":
 
 
 def ended(process: "subprocess.Popen[str]", code: int = 0) -> str:
-    """What it said on stderr, having ended with this code."""
-    _, said = process.communicate()
-    assert process.returncode == code, said
-    return said
+    """Wait for the process, check its exit code, and return its stderr."""
+    _, lines = process.communicate()
+    assert process.returncode == code, lines
+    return lines
 
 
 def results(out: Path) -> dict[str, bytes]:
-    """What `sonarmap map` writes that is the same whenever it is run."""
+    """Files that every run of `sonarmap map` writes identically."""
     return {path.name: path.read_bytes() for path in out.iterdir() if path.is_file() and path.name not in VARYING}
 
 
 def mapping_of(process: "subprocess.Popen[str]") -> int | None:
-    """The process that maps for a command."""
+    """Id of the mapping process of a command."""
     for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
         if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
             return int(child)
@@ -64,7 +64,7 @@ def key(out: Path, number: int) -> Path:
 
 @pytest.fixture(scope="module")
 def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four small scans, a second apart, and in out/ what `sonarmap map` makes of them."""
+    """Four small scans, a second apart, and their map in out/."""
     folder = tmp_path_factory.mktemp("clutter")
     write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
     done(sonarmap("map", folder, "-o", folder / "out", *OPTIONS))
@@ -72,17 +72,17 @@ def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_it_makes_the_map_that_map_makes(clutter: Path, tmp_path: Path) -> None:
-    said = ended(live(tmp_path, clutter, "--replay", "0"))
+def test_live_makes_the_same_map_as_map(clutter: Path, tmp_path: Path) -> None:
+    lines = ended(live(tmp_path, clutter, "--replay", "0"))
     assert results(tmp_path) == results(clutter / "out")
     assert not (tmp_path / "live").exists()
-    assert "The dive has ended; 4 of 4 scans placed" in said
+    assert "The dive has ended; 4 of 4 scans placed" in lines
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="where processes cannot be looked at")
-def test_the_mapping_is_killed_and_goes_on(clutter: Path, tmp_path: Path) -> None:
-    """And meanwhile another one is refused."""
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+def test_a_killed_mapping_process_continues_from_the_last_key_scan(clutter: Path, tmp_path: Path) -> None:
+    """A second `sonarmap live` in the same folder is refused meanwhile."""
     process = live(tmp_path, clutter, "--replay", "1")
     until(key(tmp_path, 1).is_file)
     before = key(tmp_path, 1).stat().st_mtime_ns
@@ -97,7 +97,7 @@ def test_the_mapping_is_killed_and_goes_on(clutter: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_killed_itself_it_goes_on_where_it_was(clutter: Path, tmp_path: Path) -> None:
+def test_a_killed_command_continues_from_the_last_key_scan(clutter: Path, tmp_path: Path) -> None:
     process = live(tmp_path, clutter, "--replay", "0.5")
     until(key(tmp_path, 1).is_file)
     before = key(tmp_path, 1).stat().st_mtime_ns
@@ -112,8 +112,8 @@ def test_killed_itself_it_goes_on_where_it_was(clutter: Path, tmp_path: Path) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.1, 1.5])
-def test_ctrl_c_ends_the_dive_without_further_words(clutter: Path, tmp_path: Path, seconds: float) -> None:
-    """Of a terminal it is for all processes, however far each has come."""
+def test_ctrl_c_ends_the_dive_without_a_traceback(clutter: Path, tmp_path: Path, seconds: float) -> None:
+    """A terminal sends SIGINT to all processes of the group, at any stage."""
     process = live(tmp_path, clutter, "--no-finish")
     assert process.stderr is not None
     assert "Ctrl-C ends the dive" in process.stderr.readline()
@@ -129,7 +129,7 @@ def swim() -> list[bytes]:
 
 
 @pytest.mark.slow
-def test_what_comes_over_the_network_is_recorded_and_mapped(swim: list[bytes], tmp_path: Path) -> None:
+def test_network_packets_are_recorded_and_mapped(swim: list[bytes], tmp_path: Path) -> None:
     port, out = free_port(), tmp_path / "out"
     process = live(out, "--unicast", f"{LOOPBACK}:{port}")
     until((out / "recording" / "001.part.sonar").exists)
@@ -155,7 +155,7 @@ def test_what_comes_over_the_network_is_recorded_and_mapped(swim: list[bytes], t
         (("--nmea", "192.0.2.7:10110"), "192.0.2.7:10110 cannot be used"),
     ],
 )
-def test_what_cannot_be_mapped_is_refused(
+def test_invalid_inputs_and_options_are_refused(
     arguments: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -165,18 +165,18 @@ def test_what_cannot_be_mapped_is_refused(
     refused(sonarmap("live", *arguments, "-o", "out", "--no-browser"), words)
 
 
-def a_dive(is_recorded: bool = False, page: Any = None, said: list[str] | None = None) -> Dive:
-    """One that maps nothing; what is new goes to `said`."""
+def a_dive(is_recorded: bool = False, page: Any = None, lines: list[str] | None = None) -> Dive:
+    """A dive that maps nothing; its messages go to `lines`."""
 
     def tell(_: State, new: list[str]) -> None:
-        if said is None:
-            raise OSError(28, "No space left on device")  # the terminal has gone
-        said.extend(new)
+        if lines is None:
+            raise OSError(28, "No space left on device")  # the terminal is closed
+        lines.extend(new)
 
     return Dive(cast(Any, None), cast(Any, page or Shows()), tell, is_recorded)
 
 
-def test_a_message_that_was_cut_is_the_end_of_the_mapping() -> None:
+def test_a_truncated_message_means_that_the_mapping_was_killed() -> None:
     pipe, other = Pipe()
     os.write(other.fileno(), struct.pack("!i", 1000) + b"cut")
     other.close()
@@ -185,7 +185,7 @@ def test_a_message_that_was_cut_is_the_end_of_the_mapping() -> None:
 
 
 class Shows:
-    """A page, with what it was given."""
+    """A page that keeps the states it was given."""
 
     def __init__(self) -> None:
         self.states = list[dict[str, Any]]()
@@ -195,7 +195,7 @@ class Shows:
 
 
 @pytest.mark.parametrize("error", [InputError("no memory for 7 scans"), ValueError("7"), MemoryError(), OSError(5, "")])
-def test_beside_a_recording_the_mapping_begins_again_whatever_ended_it(
+def test_while_recording_the_mapping_restarts_after_any_error(
     monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     begun, stop = list[int](), Event()
@@ -208,15 +208,15 @@ def test_beside_a_recording_the_mapping_begins_again_whatever_ended_it(
 
     monkeypatch.setattr(Dive, "_map_until", fails)
     monkeypatch.setattr(Again, "pause", lambda _: 0.0)
-    said, page = list[str](), Shows()
-    a_dive(True, page, said).follow(stop)
-    assert said == [f"the mapping ended ({error}), and goes on from the last key scan"] * 2
-    assert page.states[-1]["alerts"] == said[:1]
+    lines, page = list[str](), Shows()
+    a_dive(True, page, lines).follow(stop)
+    assert lines == [f"the mapping ended ({error}), and goes on from the last key scan"] * 2
+    assert page.states[-1]["alerts"] == lines[:1]
     assert page.states[-1]["sentence"].startswith("The recording goes on")
 
 
 @pytest.mark.parametrize(("error", "most"), [(InputError("no scans"), 1), (DeviceError("gone"), 1), (ValueError(), 6)])
-def test_without_a_recording_it_is_given_up(monkeypatch: pytest.MonkeyPatch, error: Exception, most: int) -> None:
+def test_without_a_recording_the_mapping_gives_up(monkeypatch: pytest.MonkeyPatch, error: Exception, most: int) -> None:
     begun = list[int]()
 
     def fails(_: Dive, __: Event) -> bool:
@@ -235,7 +235,7 @@ def dies(_: object, __: object) -> None:
 
 
 @pytest.mark.slow
-def test_a_mapping_that_is_killed_again_and_again_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mapping_that_is_killed_repeatedly_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_map", dies)
     with pytest.raises(InputError, match="memory is short; 'sonarmap doctor'"):
         a_dive().follow(Event())

@@ -1,4 +1,4 @@
-"""Key scans that a mapping which was killed finds again: all of them, bit by bit, or up to the first damaged one."""
+"""Key scans saved for a restart: read back bit by bit, all of them or up to the first damaged one."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ from tests.samples.clutter_scans import scan
 
 
 def key(number: int) -> KeptKey:
-    """With a prior and a step, but for the first one."""
+    """A key with a prior, except for number 0, and a step, except for number 1."""
     T = RigidTransform.from_components([0.1 * number, -2.3, 4.7], Rotation.from_rotvec([0.1, 0.2 * number, -0.3]))
     sigmas = np.array([0.01, 0.02, np.inf, 0.3, 0.5, np.inf])
     prior = PosePrior(T, sigmas) if number else None
@@ -41,7 +41,7 @@ def keep(out: Path, count: int) -> list[KeptKey]:
     return keys
 
 
-def test_they_are_the_same_again_bit_by_bit(tmp_path: Path) -> None:
+def test_keys_are_read_back_bit_by_bit(tmp_path: Path) -> None:
     given = keep(tmp_path, 3)
     found = list(kept_keys(tmp_path))
     assert len(found) == 3
@@ -59,7 +59,7 @@ def test_they_are_the_same_again_bit_by_bit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "changed", "gone"])
-def test_a_damaged_or_missing_one_ends_the_list(tmp_path: Path, damage: str) -> None:
+def test_reading_stops_at_a_damaged_or_missing_key(tmp_path: Path, damage: str) -> None:
     keep(tmp_path, 4)
     path = sorted((tmp_path / "live").glob("key_*.npz"))[2]
     whole = path.read_bytes()
@@ -68,9 +68,9 @@ def test_a_damaged_or_missing_one_ends_the_list(tmp_path: Path, damage: str) -> 
     else:
         changed = whole[:200] + bytes([whole[200] ^ 4]) + whole[201:]
         path.write_bytes({"cut": whole[:-30], "empty": b"", "changed": changed}[damage])
-    said = list[str]()
-    assert [each.scan.name for each in kept_keys(tmp_path, said.append)] == ["001#0", "001#3"]
-    assert said == [] if damage == "gone" else [f"{path} is damaged and left out; what it held is mapped again"]
+    alerts = list[str]()
+    assert [each.scan.name for each in kept_keys(tmp_path, alerts.append)] == ["001#0", "001#3"]
+    assert alerts == [] if damage == "gone" else [f"{path} is damaged and left out; what it held is mapped again"]
 
 
 @pytest.mark.parametrize(
@@ -81,8 +81,8 @@ def test_a_damaged_or_missing_one_ends_the_list(tmp_path: Path, damage: str) -> 
         ("prior", [[[1.0]], [0.1]]), ("step", 7),
     ],
 )  # fmt: skip
-def test_a_value_that_no_program_writes_ends_the_list(tmp_path: Path, name: str, value: object) -> None:
-    """Of a file whose checksums are right."""
+def test_reading_stops_at_an_invalid_value(tmp_path: Path, name: str, value: object) -> None:
+    """The file has valid checksums."""
     keep(tmp_path, 3)
     path = tmp_path / "live" / "key_00001.npz"
     with np.load(path) as arrays:
@@ -94,7 +94,7 @@ def test_a_value_that_no_program_writes_ends_the_list(tmp_path: Path, name: str,
     assert alerts == [f"{path} is damaged and left out; what it held is mapped again"]
 
 
-def test_other_inputs_forget_them_and_the_same_keep_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_inputs_delete_keys_and_the_same_keep_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     out = tmp_path / "out"
     with kept_for(out, ["dive"]):
@@ -108,7 +108,7 @@ def test_other_inputs_forget_them_and_the_same_keep_them(tmp_path: Path, monkeyp
         assert not has_keys(out)
 
 
-def test_forgetting_leaves_what_is_no_key(tmp_path: Path) -> None:
+def test_forget_keys_leaves_other_files(tmp_path: Path) -> None:
     keep(tmp_path, 2)
     other = tmp_path / "live" / "notes.npz"
     other.write_bytes(b"7")
@@ -116,7 +116,7 @@ def test_forgetting_leaves_what_is_no_key(tmp_path: Path) -> None:
     assert list((tmp_path / "live").iterdir()) == [other]
 
 
-def test_a_second_user_is_refused_until_the_first_has_ended(tmp_path: Path) -> None:
+def test_the_folder_is_locked_until_the_first_run_ends(tmp_path: Path) -> None:
     with kept_for(tmp_path, ["a"]), pytest.raises(InputError, match="is in use"), kept_for(tmp_path, ["a"]):
         pass
     with kept_for(tmp_path, ["a"]):

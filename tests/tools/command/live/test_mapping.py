@@ -1,4 +1,4 @@
-"""The mapping in this process: what it sends where the disk takes nothing more."""
+"""The mapping, run in this process: its messages, also with a full disk; key scans of a map; the backlog of scans."""
 
 import time
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ FULL = "cannot be written: No space left on device"
 
 
 def sent(out: Path, inputs: list[str], voxel: float | None = None) -> list[Any]:
-    """What a mapping sends of finished scans until it ends."""
+    """Messages of a mapping of finished scans until it ends."""
     pipe, other = Pipe()
     messages, before = list[Any](), getsignal(SIGINT)
 
@@ -57,7 +57,7 @@ def sent(out: Path, inputs: list[str], voxel: float | None = None) -> list[Any]:
 
 
 @pytest.mark.parametrize("what", ["keys", "points", "journal"])
-def test_the_disk_is_full_and_the_map_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str) -> None:
+def test_mapping_continues_with_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str) -> None:
     def refuses(*_: object) -> None:
         raise InputError(f"key_00001.npz {FULL}")
 
@@ -83,7 +83,7 @@ def test_the_disk_is_full_and_the_map_goes_on(tmp_path: Path, monkeypatch: pytes
     )
 
 
-def test_what_is_sent_is_the_map_that_grows(tmp_path: Path) -> None:
+def test_messages_describe_the_growing_map(tmp_path: Path) -> None:
     inputs = write(tmp_path, **{f"scan_{k}": scan(k) for k in range(4)})
     out = tmp_path / "out"
     (out / "live").mkdir(parents=True)
@@ -107,7 +107,7 @@ def simulated(folder: Path, scene: str, scans: int) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def rubble(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A survey of 24 scans, and in map/ what `sonarmap map` makes of every second one."""
+    """A survey of 24 scans, and in map/ the map of every second one."""
     folder = tmp_path_factory.mktemp("onto")
     scans = simulated(folder / "scans", "rubble", 24)
     done(sonarmap("map", *scans[::2], "-o", folder / "map", "--grid", "64"))
@@ -124,7 +124,7 @@ def replayed_onto(folder: Path, out: Path, scans: list[Path]) -> list[State]:
 
 
 @pytest.mark.slow
-def test_a_dive_is_found_in_its_place_in_a_finished_map(rubble: Path, tmp_path: Path) -> None:
+def test_a_dive_is_placed_in_a_finished_map(rubble: Path, tmp_path: Path) -> None:
     last = replayed_onto(rubble, tmp_path / "out", sorted((rubble / "scans").glob("scan_*.ply"))[1::2])[-1]
     assert (last.status, last.parts, last.part, last.scans) == ("ended", 1, 0, 12)
     assert last.own > 0
@@ -141,7 +141,7 @@ HALF_VIEW, REACH = np.radians(40.0), 6.0  # of the sensor that made the map
 
 
 def map_of(spacing: float, count: int = 9) -> tuple[Map, RigidTransform]:
-    """A wall of 30 m, seen from a way along it; of which every point is mostly of the nearest scan."""
+    """A map of a 30 m wall seen from a track along it; each point belongs to the nearest scan."""
     x = np.arange(count) * spacing
     R = Rotation.from_euler("ZYX", np.column_stack([np.full(count, np.pi / 2), 0.02 * x, 0.03 * np.sin(x)]))
     T = RigidTransform.from_components(np.column_stack([x - 1.0, 0.1 * x, np.full(count, -2.0)]), R)
@@ -160,7 +160,7 @@ def map_of(spacing: float, count: int = 9) -> tuple[Map, RigidTransform]:
     return Map(Path("map"), names, (part,), (), VOXEL, {}, None, {}), T
 
 
-def test_key_scans_are_apart_and_lie_as_the_map_has_them() -> None:
+def test_key_scans_are_spaced_and_have_the_poses_of_the_map() -> None:
     folder, T = map_of(spacing=1.0)
     keys = list(map_keys(folder))
     assert [key.scan.name for key in keys] == [
@@ -183,7 +183,7 @@ def test_key_scans_are_apart_and_lie_as_the_map_has_them() -> None:
     assert all(key.behind == Mark() and key.voxel == VOXEL for key in keys)
 
 
-def test_a_key_scan_is_what_the_sensor_saw_with_what_others_saw_there() -> None:
+def test_a_key_scan_includes_points_of_other_scans_in_its_view() -> None:
     folder, T = map_of(spacing=1.0)
     key = list(map_keys(folder))[1]
     points = key.scan.points.astype(np.float64)
@@ -196,7 +196,7 @@ def test_a_key_scan_is_what_the_sensor_saw_with_what_others_saw_there() -> None:
     np.testing.assert_allclose(world[:, 1], 4.0, atol=1e-5)  # on the wall, in the map's frame
 
 
-def test_a_map_without_enough_points_of_any_scan_is_refused() -> None:
+def test_a_map_with_too_few_points_per_scan_is_refused() -> None:
     folder, _ = map_of(spacing=1.0)
     part = folder.parts[0]
     few = MapPart(
@@ -217,12 +217,12 @@ def scans(count: int, pulled: list[int] | None = None) -> Iterator[Incoming]:
         yield Incoming(Scan(points, stamp=float(number)), Mark("dive", number + 1), missing=number // 3)
 
 
-def test_no_more_scans_wait_than_memory_is_for() -> None:
+def test_the_number_of_waiting_scans_is_limited() -> None:
     pulled: list[int] = []
     backlog = Backlog(scans(300, pulled))
     assert backlog.wait(30, least=MOST) == MOST
     time.sleep(0.05)
-    assert len(pulled) == MOST + 1  # the last one is held by who brings it
+    assert len(pulled) == MOST + 1  # the reading thread holds the last one
     backlog.drop(7)
     until(lambda: len(pulled) == MOST + 8 and backlog.wait(0) == MOST)
     assert (backlog[0].behind, backlog[MOST - 1].behind) == (Mark("dive", 8), Mark("dive", MOST + 7))
@@ -232,7 +232,7 @@ def test_no_more_scans_wait_than_memory_is_for() -> None:
     assert (backlog.wait(0), backlog.missing, backlog.error) == (300 - MOST - 7, 99, None)
 
 
-def test_who_waits_for_more_than_come_hears_of_the_end() -> None:
+def test_waiting_for_too_many_scans_returns_at_the_end() -> None:
     backlog = Backlog(scans(4))
     assert backlog.wait(30, least=9) == 4
     assert [backlog[k].scan.stamp for k in range(3)] == [0.0, 1.0, 2.0]
@@ -240,7 +240,7 @@ def test_who_waits_for_more_than_come_hears_of_the_end() -> None:
     assert backlog.wait(30) == 0
 
 
-def test_nothing_comes_while_nothing_is_there() -> None:
+def test_waiting_without_scans_times_out() -> None:
     def silent() -> Iterator[Incoming]:
         time.sleep(0.4)
         yield from scans(2)
@@ -251,7 +251,7 @@ def test_nothing_comes_while_nothing_is_there() -> None:
 
 
 @pytest.mark.parametrize(("error", "words"), [(InputError("no disk 7"), "no disk 7"), (OSError(5, "gone"), "gone")])
-def test_an_error_is_handed_on_after_what_came_before_it(error: Exception, words: str) -> None:
+def test_an_error_is_reported_after_the_scans_before_it(error: Exception, words: str) -> None:
     def failing() -> Iterator[Incoming]:
         yield from scans(3)
         raise error

@@ -1,4 +1,4 @@
-"""NMEA sentences that come by UDP and by a serial line: whole ones are kept, whatever else comes."""
+"""Recording of NMEA sentences from UDP or a serial line, and navigation from logs that grow."""
 
 import io
 import os
@@ -45,7 +45,7 @@ def test_sentences_with_a_wrong_checksum_and_other_bytes_are_left_out() -> None:
     assert sentences_in(np.random.default_rng(3).bytes(1 << 20)) == []
 
 
-def test_what_comes_by_udp_is_read_as_any_log(tmp_path: Path) -> None:
+def test_sentences_received_by_udp_are_read_as_a_log(tmp_path: Path) -> None:
     port = free_port()
     with NavigationLog(str(port), tmp_path):
         send([b"".join(GOOD), np.random.default_rng(1).bytes(60_000), GOOD[1].strip()], (LOOPBACK, port))
@@ -56,8 +56,8 @@ def test_what_comes_by_udp_is_read_as_any_log(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("host", "heard"), [("", 1), ("127.0.0.1:", 1), ("0.0.0.0:", 2)])
-def test_other_computers_are_heard_only_where_an_address_says_so(tmp_path: Path, host: str, heard: int) -> None:
-    """What is sent to 127.0.0.2 stands for them: it does not reach 127.0.0.1."""
+def test_packets_of_other_computers_need_an_address(tmp_path: Path, host: str, heard: int) -> None:
+    """Packets to 127.0.0.2 stand for them, as they do not reach 127.0.0.1."""
     port = free_port()
     with NavigationLog(f"{host}{port}", tmp_path):
         for address in ("127.0.0.2", LOOPBACK):
@@ -66,7 +66,7 @@ def test_other_computers_are_heard_only_where_an_address_says_so(tmp_path: Path,
     assert (tmp_path / NAME).read_bytes() == GOOD[0] * heard
 
 
-def test_silence_is_said_and_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silence_and_its_end_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarmap.tools.command.live.navigation._SILENT", 0.5)
     port = free_port()
     with NavigationLog(str(port), tmp_path) as log:
@@ -79,7 +79,7 @@ def test_silence_is_said_and_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 class Line:
-    """A serial device under a name that stays, as /dev/ttyUSB0, while it is plugged out and in."""
+    """A serial device that keeps its name, as /dev/ttyUSB0, when it is unplugged and plugged in."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "ttyUSB7"
@@ -102,7 +102,7 @@ def line(tmp_path: Path) -> Line:
     return Line(tmp_path)
 
 
-def test_a_serial_line_gives_sentences_in_pieces(tmp_path: Path, line: Line) -> None:
+def test_pieces_of_sentences_from_a_serial_line_are_joined(tmp_path: Path, line: Line) -> None:
     with NavigationLog(f"{line.path}@38400", tmp_path):
         for piece in (GOOD[0][:20], GOOD[0][20:] + GOOD[1][:5], GOOD[1][5:]):
             os.write(line.ours, piece)
@@ -112,7 +112,7 @@ def test_a_serial_line_gives_sentences_in_pieces(tmp_path: Path, line: Line) -> 
     assert (tmp_path / NAME).read_bytes() == b"".join(GOOD)
 
 
-def test_a_device_that_was_unplugged_is_opened_again(tmp_path: Path, line: Line) -> None:
+def test_an_unplugged_device_is_opened_again(tmp_path: Path, line: Line) -> None:
     with NavigationLog(str(line.path), tmp_path) as log:
         for count in (1, 2, 3):
             os.write(line.ours, GOOD[0])
@@ -126,7 +126,7 @@ def test_a_device_that_was_unplugged_is_opened_again(tmp_path: Path, line: Line)
     assert (tmp_path / NAME).read_bytes() == 3 * GOOD[0]
 
 
-def test_a_full_disk_is_said_and_nothing_is_lost_when_there_is_room(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_sentences_are_written_later(tmp_path: Path) -> None:
     port, path = free_port(), tmp_path / NAME
     path.symlink_to("/dev/full")
     with NavigationLog(str(port), tmp_path) as log:
@@ -140,7 +140,7 @@ def test_a_full_disk_is_said_and_nothing_is_lost_when_there_is_room(tmp_path: Pa
     assert path.read_bytes() == b"".join([*GOOD, GOOD[0]])
 
 
-def test_a_write_that_takes_a_part_goes_on_with_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_partial_write_is_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Slow(io.FileIO):
         # pyrefly: ignore[bad-override]
         def write(self, content: bytes) -> int:
@@ -154,7 +154,7 @@ def test_a_write_that_takes_a_part_goes_on_with_the_rest(tmp_path: Path, monkeyp
     assert (tmp_path / NAME).read_bytes() == b"".join(GOOD)
 
 
-def test_a_port_in_use_and_a_device_that_is_not_there_are_refused(tmp_path: Path) -> None:
+def test_a_port_in_use_and_a_missing_device_are_refused(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("", 0))
         with pytest.raises(InputError, match="cannot be used"), NavigationLog(str(other.getsockname()[1]), tmp_path):
@@ -184,26 +184,26 @@ def navigation(priors: Path | None = None, odometry: Path | None = None) -> Navi
     )
 
 
-def known(scans: list[Scan], given: Navigation) -> list[float | None]:
-    """The eastings that scans have."""
+def eastings_of(scans: list[Scan], given: Navigation) -> list[float | None]:
+    """Eastings of the scans' priors [m]."""
     priors = [each.prior for each in given(scans)[0]]
     return [None if prior is None else round(float(prior.T_world_sensor.translation[0]), 6) for prior in priors]
 
 
-def test_scans_have_what_a_log_says_so_far(tmp_path: Path) -> None:
+def test_scans_get_priors_from_a_growing_log(tmp_path: Path) -> None:
     path = tmp_path / "navigation.csv"
     given = navigation(path)
-    assert known(SCANS, given) == [None] * 5  # there is no file yet
+    assert eastings_of(SCANS, given) == [None] * 5  # there is no file yet
     path.write_text(HEAD)
-    assert known(SCANS, given) == [None] * 5
+    assert eastings_of(SCANS, given) == [None] * 5
     rows = [row(stamp) for stamp in np.arange(99.75, 104.5, 0.5)]
     path.write_text(HEAD + "".join(rows[:6]) + rows[6][:9])  # within a line
-    assert known(SCANS, given) == [0.0, 1.0, 2.0, None, None]
+    assert eastings_of(SCANS, given) == [0.0, 1.0, 2.0, None, None]
     path.write_text(HEAD + "".join(rows))
-    assert known(SCANS, given) == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert eastings_of(SCANS, given) == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
-def test_a_log_that_cannot_be_read_leaves_the_scans_as_they_are(tmp_path: Path) -> None:
+def test_an_unreadable_log_leaves_the_scans_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "navigation.csv"
     path.write_text(HEAD + "".join(map(row, np.arange(99.75, 104.5, 0.5))))
     scans, _ = navigation(path)(SCANS)
@@ -213,7 +213,7 @@ def test_a_log_that_cannot_be_read_leaves_the_scans_as_they_are(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("cut", [0, 12])
-def test_dead_reckoning_covers_the_scans_as_far_as_it_goes(tmp_path: Path, cut: int) -> None:
+def test_dead_reckoning_covers_only_scans_within_the_file(tmp_path: Path, cut: int) -> None:
     path = tmp_path / "odometry.tum"
     text = "".join(f"{stamp} {stamp - 100} 0 0 0 0 0 1\n" for stamp in np.arange(99.5, 103.1, 0.5))
     path.write_text(text[: len(text) - cut])
@@ -225,12 +225,12 @@ def test_dead_reckoning_covers_the_scans_as_far_as_it_goes(tmp_path: Path, cut: 
 
 
 def nmea(clock: str, minutes: float) -> str:
-    """A dated fix, and a heading."""
+    """A dated fix (RMC) and a heading (HDT)."""
     bodies = [f"GPRMC,{clock},A,{6023 + minutes:.4f},N,00519.3260,E,1.0,0.0,150326,,,A", "HEHDT,90.0,T"]
     return "".join(f"${body}*{reduce(xor, body.encode()):02X}\r\n" for body in bodies)
 
 
-def test_sentences_that_come_place_scans_as_far_as_they_go(tmp_path: Path) -> None:
+def test_scans_get_positions_from_a_growing_nmea_log(tmp_path: Path) -> None:
     begun, path = 1773567000.0, tmp_path / "navigation.nmea"  # 2026-03-15 09:30 UTC
     scans = [replace(each, stamp=begun + k + 0.3) for k, each in enumerate(SCANS)]
     path.write_text("".join(nmea(f"0930{k:02d}.00", 0.001 * k) for k in range(3)))
@@ -242,4 +242,4 @@ def test_sentences_that_come_place_scans_as_far_as_they_go(tmp_path: Path) -> No
     assert all(prior is not None and prior.knows_position for prior in priors)
     assert [prior is not None and prior.knows_heading for prior in priors] == [False, True, True, True, True]
     north = [prior.T_world_sensor.translation[1] for prior in priors if prior is not None]
-    np.testing.assert_allclose(np.diff(north), 1.857, atol=0.02)  # of 0.001 minutes there [m]
+    np.testing.assert_allclose(np.diff(north), 1.857, atol=0.02)  # 0.001 minutes of latitude [m]

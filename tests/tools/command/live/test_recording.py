@@ -1,4 +1,4 @@
-"""The process that records, as a process: what is sent is in its files, whoever is killed meanwhile."""
+"""The recording process: its files hold every packet, whichever process is killed meanwhile."""
 
 import os
 import signal
@@ -20,7 +20,7 @@ from tests.samples.recordings import recording
 from tests.tools.command.live.waiting import until
 
 PACKETS = [packet.content for packet in recording(20)]
-OWNERS = list["subprocess.Popen[str]"]()  # that are to be ended
+OWNERS = list["subprocess.Popen[str]"]()  # to end after the test
 OWNER = """
 import sys, time
 from pathlib import Path
@@ -35,7 +35,7 @@ while True:
 
 
 def recorders(out: Path) -> list[int]:
-    """The processes that record to a map's folder."""
+    """Ids of the processes that record to a map's folder."""
     found = list[int]()
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -55,7 +55,7 @@ def size(out: Path, name: str) -> int:
 
 @pytest.fixture
 def to(tmp_path: Path) -> Iterator[tuple[str, int]]:
-    """Where to send; what still records at the end is ended."""
+    """Address to send to; ends all recorders after the test."""
     yield LOOPBACK, free_port()
     while OWNERS:
         OWNERS.pop().kill()
@@ -76,8 +76,8 @@ def sent(out: Path, name: str, packets: list[bytes], to: tuple[str, int]) -> Non
     until(lambda: size(out, name) >= whole)
 
 
-def heard(process: RecordingProcess) -> list[str]:
-    """What there is to say by now."""
+def new_messages(process: RecordingProcess) -> list[str]:
+    """Messages since the last call."""
     process.look()
     lines = list(process.said)
     process.said.clear()
@@ -85,14 +85,14 @@ def heard(process: RecordingProcess) -> list[str]:
 
 
 def begun(out: Path, to: tuple[str, int]) -> RecordingProcess:
-    """One that listens."""
+    """A recording process that listens."""
     process = RecordingProcess(out, options(to))
     until(lambda: size(out, "001.part.sonar") >= 0)
     return process
 
 
 def owned(out: Path, to: tuple[str, int], program: str = OWNER) -> "subprocess.Popen[str]":
-    """A process that has one, and prints what it says."""
+    """A process that owns a recording process and prints its messages."""
     command = [sys.executable, "-c", program, str(out), *options(to)]
     OWNERS.append(subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE))
     return OWNERS[-1]
@@ -102,28 +102,28 @@ def shots_in(path: Path) -> int:
     return sum(1 for _ in Recording().read(path))
 
 
-def test_what_is_sent_is_in_the_file_which_has_its_name_at_the_end(tmp_path: Path, to: tuple[str, int]) -> None:
+def test_all_packets_are_in_the_file_which_is_renamed_at_the_end(tmp_path: Path, to: tuple[str, int]) -> None:
     process = begun(tmp_path, to)
     sent(tmp_path, "001.part.sonar", PACKETS[:15], to)
-    assert heard(process) == []
+    assert new_messages(process) == []
     sent(tmp_path, "001.part.sonar", PACKETS[15:], to)
     process.end()
     assert files(tmp_path) == ["001.sonar"]
     assert (tmp_path / "recording" / "001.sonar").read_bytes() == b"".join(PACKETS)
     assert recorders(tmp_path) == []
-    process.end()  # once more, and nothing is wrong
+    process.end()  # a second call has no effect
 
 
-def test_killed_it_begins_again_in_another_file(tmp_path: Path, to: tuple[str, int]) -> None:
+def test_a_killed_recorder_starts_another_file(tmp_path: Path, to: tuple[str, int]) -> None:
     process = begun(tmp_path, to)
     sent(tmp_path, "001.part.sonar", PACKETS[:14], to)
     (number,) = recorders(tmp_path)
     os.kill(number, signal.SIGKILL)
-    said = list[str]()
-    until(lambda: said.extend(heard(process)) or bool(said))
-    assert said == ["the recording was killed, and begins again in another file"]
+    messages = list[str]()
+    until(lambda: messages.extend(new_messages(process)) or bool(messages))
+    assert messages == ["the recording was killed, and begins again in another file"]
     sent(tmp_path, "002.part.sonar", PACKETS[16:], to)
-    assert heard(process) == []
+    assert new_messages(process) == []
     process.end()
     assert files(tmp_path) == ["001.part.sonar", "002.sonar"]
     assert [shots_in(tmp_path / "recording" / name) for name in files(tmp_path)] == [7, 12]
@@ -131,10 +131,10 @@ def test_killed_it_begins_again_in_another_file(tmp_path: Path, to: tuple[str, i
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_ended_by_others_again_and_again_it_begins_again(tmp_path: Path, to: tuple[str, int], number: int) -> None:
-    """At once, and then after one, three and seven seconds: only `stop` ends it.
+def test_a_repeatedly_killed_recorder_starts_again(tmp_path: Path, to: tuple[str, int], number: int) -> None:
+    """It restarts at once, then after 1, 3 and 7 s, until `stop` is set.
 
-    Killed it leaves a file, and the next one has another name; terminated it leaves none, as nothing has come.
+    A killed recorder leaves a file, so the next one has another name; a terminated one without packets leaves none.
     """
     process, stop = begun(tmp_path, to), Event()
     keeping = Thread(target=process.keep_on, args=(stop,))
@@ -147,15 +147,15 @@ def test_ended_by_others_again_and_again_it_begins_again(tmp_path: Path, to: tup
     sent(tmp_path, f"{names[-1]}.part.sonar", PACKETS, to)
     stop.set()
     keeping.join()
-    said = [line for line in process.said if "begins again" in line]
-    assert [line.rpartition(" file")[2] for line in said] == ["", " in 1 s", " in 3 s"]
+    restarts = [line for line in process.said if "begins again" in line]
+    assert [line.rpartition(" file")[2] for line in restarts] == ["", " in 1 s", " in 3 s"]
     assert (tmp_path / "recording" / f"{names[-1]}.sonar").read_bytes() == b"".join(PACKETS)
     assert recorders(tmp_path) == []
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="where processes cannot be looked at")
-def test_it_outlives_its_owner_and_the_next_one_takes_it_over(
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="needs /proc")
+def test_a_recorder_outlives_its_owner_and_the_next_owner_takes_over(
     tmp_path: Path, to: tuple[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     owner = owned(tmp_path, to)
@@ -167,7 +167,7 @@ def test_it_outlives_its_owner_and_the_next_one_takes_it_over(
     monkeypatch.chdir(tmp_path.parent)
     process = RecordingProcess(Path(tmp_path.name), options(to))  # the same folder by another path
     assert recorders(tmp_path) == before
-    assert heard(process) == []
+    assert new_messages(process) == []
     sent(tmp_path, "001.part.sonar", PACKETS[10:], to)
     process.end()
     assert files(tmp_path) == ["001.sonar"]
@@ -175,8 +175,8 @@ def test_it_outlives_its_owner_and_the_next_one_takes_it_over(
     assert recorders(tmp_path) == []
 
 
-def test_where_a_file_cannot_grow_it_begins_another(tmp_path: Path, to: tuple[str, int]) -> None:
-    """As the file is at the limit of its size, within the twelfth packet."""
+def test_a_recorder_starts_another_file_when_one_cannot_grow(tmp_path: Path, to: tuple[str, int]) -> None:
+    """The file reaches its size limit within the twelfth packet."""
     most = sum(map(len, PACKETS[:11])) + 5
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))"
     owner = owned(tmp_path, to, f"{limited}\n{OWNER}")
@@ -192,7 +192,7 @@ def test_where_a_file_cannot_grow_it_begins_another(tmp_path: Path, to: tuple[st
     assert content == [b"".join(PACKETS[:11]), b"".join(PACKETS[12:20])]
 
 
-def test_a_folder_that_cannot_be_is_said(tmp_path: Path, to: tuple[str, int]) -> None:
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, to: tuple[str, int]) -> None:
     (tmp_path / "recording").write_bytes(b"7")
     with pytest.raises(InputError, match=r"cannot record to .*recording: File exists"):
         RecordingProcess(tmp_path, options(to))

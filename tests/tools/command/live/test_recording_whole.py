@@ -21,7 +21,7 @@ from tests.tools.command.live.waiting import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
-# in every process of the command before it does anything; of these only one is spoiled
+# run at the start of every process of the command; only one of them is broken
 IN_MAPPING = "import sys\nif '--multiprocessing-fork' in sys.orig_argv:\n"
 IN_LIVE = "import sys\nif 'live' in sys.orig_argv:\n"
 MAPPER = """
@@ -53,14 +53,14 @@ class Dive:
     said: list[str] = field(default_factory=list[str])
 
     def listen(self) -> None:
-        """Take what it says on stderr."""
+        """Collect the lines of its stderr."""
         assert self.process.stderr is not None
         with suppress(ValueError):
             self.said.extend(line.decode() for line in self.process.stderr)
 
     @property
     def mapping(self) -> int | None:
-        """The process that maps."""
+        """Id of the mapping process."""
         for child in Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split():
             with suppress(OSError):
                 if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
@@ -68,7 +68,7 @@ class Dive:
         return None
 
     def signal_mapping(self, number: int, times: int = 1) -> None:
-        """Once it has a key scan."""
+        """Signal the mapping process once it has a key scan."""
         until((self.out / "live" / "key_00000.npz").is_file, 60)
         for _ in range(times):
             until(lambda: self.mapping is not None, 60)
@@ -85,7 +85,7 @@ def nothing(_: Dive) -> None:
     pass
 
 
-# name -> code in one of the processes, what is done meanwhile, and what is said
+# name -> code in one of the processes, action meanwhile, and expected message
 FAULTS: dict[str, tuple[str, Callable[[Dive], None], str]] = {
     "mapping raises": (IN_MAPPING + MAPPER, nothing, "the mapping ended (RuntimeError: spoiled 7"),
     "mapping hangs": ("", stopped, ""),
@@ -101,7 +101,7 @@ def swim() -> list[bytes]:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_recording_is_whole(swim: list[bytes], tmp_path: Path, fault: str) -> None:
+def test_the_recording_is_complete(swim: list[bytes], tmp_path: Path, fault: str) -> None:
     code, meanwhile, words = FAULTS[fault]
     (tmp_path / "code").mkdir()
     (tmp_path / "code" / "sitecustomize.py").write_text(code)

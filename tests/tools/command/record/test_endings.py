@@ -1,4 +1,4 @@
-"""How recordings end, as commands of their own, and what becomes of packets while the disk is waited for."""
+"""How `sonarmap record` ends as a process, and what happens to packets while the disk blocks."""
 
 import json
 import os
@@ -28,7 +28,7 @@ PACKETS = [packet.content for packet in recording(20)]
 def running(
     out: Path, *options: str, limit: Callable[[], None] | None = None
 ) -> Iterator[tuple["subprocess.Popen[str]", tuple[str, int]]]:
-    """`sonarmap record`, once it listens, and where."""
+    """Run `sonarmap record`; yields the process and its address once it listens."""
     port, before = free_port(), set(out.parent.iterdir())
     command = [*SONARMAP, "record", "-o", str(out), "--unicast", f"{LOOPBACK}:{port}", *options]
     pipe = subprocess.PIPE
@@ -53,7 +53,7 @@ def until_written(path: Path, size: int, recorder: "subprocess.Popen[str]") -> N
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_it_well(tmp_path: Path, number: int) -> None:
+def test_a_signal_ends_the_recording_with_a_complete_file(tmp_path: Path, number: int) -> None:
     with running(tmp_path / "dive.sonar") as (recorder, to):
         send(PACKETS, to)
         recorder.send_signal(number)
@@ -74,21 +74,21 @@ def test_a_signal_ends_it_well(tmp_path: Path, number: int) -> None:
 
 
 @pytest.mark.slow
-def test_the_duration_ends_it_and_json_says_how_it_was(tmp_path: Path) -> None:
+def test_the_duration_ends_the_recording_and_json_reports_it(tmp_path: Path) -> None:
     with running(tmp_path / "dive.sonar", "--duration", "3s", "--json") as (recorder, to):
         send([*PACKETS[:10], *PACKETS[12:], *PACKETS[-2:], b"?"], to)
         out, errors = recorder.communicate()
     assert recorder.returncode == 0, errors
-    said = json.loads(out)
+    summary = json.loads(out)
     once = {"came": 19, "missing": 1, "late": 0, "doubled": 1, "restarts": 0}
-    assert said["kinds"]["range_images"] == said["kinds"]["strength_images"] == once
-    assert (said["packets"], said["bytes"]) == (40, (tmp_path / "dive.sonar").stat().st_size)
-    assert (said["file"], said["sonar"]) == (f"{tmp_path}/dive.sonar", LOOPBACK)
-    assert (said["damaged"], said["lost_here"]) == (1, {"receive_buffer": 0, "disk": 0})
-    assert 3.0 <= said["seconds"] < 30.0
+    assert summary["kinds"]["range_images"] == summary["kinds"]["strength_images"] == once
+    assert (summary["packets"], summary["bytes"]) == (40, (tmp_path / "dive.sonar").stat().st_size)
+    assert (summary["file"], summary["sonar"]) == (f"{tmp_path}/dive.sonar", LOOPBACK)
+    assert (summary["damaged"], summary["lost_here"]) == (1, {"receive_buffer": 0, "disk": 0})
+    assert 3.0 <= summary["seconds"] < 30.0
 
 
-def test_a_crash_leaves_a_part_that_can_be_read_and_that_the_next_recording_keeps(tmp_path: Path) -> None:
+def test_a_crash_leaves_a_readable_part_that_the_next_recording_keeps(tmp_path: Path) -> None:
     part, size = tmp_path / "dive.part.sonar", sum(map(len, PACKETS))
     with running(tmp_path / "dive.sonar") as (recorder, to):
         send(PACKETS, to)
@@ -105,7 +105,7 @@ def test_a_crash_leaves_a_part_that_can_be_read_and_that_the_next_recording_keep
     assert (shots_in(part), shots_in(tmp_path / "dive.sonar")) == (20, 1)
 
 
-def test_a_disk_that_takes_no_more_leaves_whole_packets_in_the_part_that_is_named(tmp_path: Path) -> None:
+def test_a_full_disk_leaves_whole_packets_in_the_part_that_is_named(tmp_path: Path) -> None:
     most = sum(map(len, PACKETS[:11])) + 5  # within the twelfth
 
     def limit() -> None:
@@ -135,8 +135,8 @@ finally:
 
 @pytest.mark.parametrize("options", [("--unicast", "127.0.0.1:{}"), ("--multicast", "239.255.47.48:{}")])
 @pytest.mark.slow
-def test_it_only_listens_and_where_it_is_told(tmp_path: Path, options: tuple[str, str]) -> None:
-    """By the events that Python itself reports of sockets."""
+def test_record_binds_only_the_given_address_and_sends_nothing(tmp_path: Path, options: tuple[str, str]) -> None:
+    """Checked by Python's audit events of sockets."""
     option, place = options[0], options[1].format(free_port())
     ended = subprocess.run(
         [sys.executable, "-c", LISTENER, "record", "-o", tmp_path / "a.sonar", option, place, "--duration", "0.5"],
@@ -153,8 +153,8 @@ def test_it_only_listens_and_where_it_is_told(tmp_path: Path, options: tuple[str
 
 
 @pytest.mark.slow
-def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """While the first 200 packets are sent, the disk is waited for."""
+def test_packets_beyond_the_memory_limit_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk blocks while the first 200 packets are sent."""
     monkeypatch.setattr("sonarmap.tools.command.record.recorder._OVER", 1)
     monkeypatch.setattr("sonarmap.tools.command.record.receiver.MOST_WAITING", 20)
     begins, waits, ends = Event(), Event(), Event()
@@ -177,14 +177,14 @@ def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(os, "fsync", fsync)
     status, warnings = record_while(tmp_path / "dive.sonar", sends)
     assert status.unsaved > 0
-    assert status.unsaved + status.overflow > 50  # where this computer is busy, the system loses some
+    assert status.unsaved + status.overflow > 50  # on a busy computer the system loses some
     assert status.tally.packets + status.unsaved + status.overflow == len(packets)
     assert status.tally.missing <= status.unsaved + status.overflow
     assert any("is too slow" in words for words in warnings)
 
 
 @pytest.mark.slow
-def test_a_terminal_that_has_gone_does_not_end_it(tmp_path: Path) -> None:
+def test_a_closed_terminal_does_not_end_the_recording(tmp_path: Path) -> None:
     with running(tmp_path / "dive.sonar") as (recorder, to):
         assert recorder.stderr is not None
         assert recorder.stdout is not None

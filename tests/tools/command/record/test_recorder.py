@@ -1,4 +1,4 @@
-"""Where packets come from, and to a file: what is lost, late, damaged, foreign or of another sonar, counted."""
+"""Recording packets from the network: lost, late, damaged and foreign packets and other sonars are counted."""
 
 import errno
 import socket
@@ -34,12 +34,12 @@ from tests.samples.processor_time import processor_time
 from tests.samples.recordings import PacketOf, disturbed, recording, with_checksum
 
 OTHER = "127.0.0.2"
-GROUP = "239.255.47.47"  # of those that no router hands on
-AT_ONCE = 20  # datagrams; Linux grants a receive buffer for five times as many, if not told otherwise
+GROUP = "239.255.47.47"  # a group that no router forwards
+AT_ONCE = 20  # datagrams; the default receive buffer of Linux holds five times as many
 
 
 def contents(count: int, first: int = 4448) -> list[bytes]:
-    """The datagrams of so many shots."""
+    """Datagrams of `count` shots."""
     return [packet.content for packet in recording(count, first=first)]
 
 
@@ -52,12 +52,12 @@ def send_all(datagrams: list[bytes], to: tuple[str, int], address: str = LOOPBAC
 
 
 def lost_between(kind: str, sent: list[PacketOf], lost: list[PacketOf]) -> int:
-    """Of a kind, those lost between the first and the last that were sent: nobody misses others."""
+    """Number of lost packets between the first and last sent one of a kind; other losses go unnoticed."""
     shots = [packet.shot for packet in sent if packet.kind == kind]
     return sum(packet.kind == kind and min(shots) < packet.shot < max(shots) for packet in lost)
 
 
-def test_losses_are_counted_and_all_else_is_in_the_file(tmp_path: Path) -> None:
+def test_losses_are_counted_and_all_received_packets_are_in_the_file(tmp_path: Path) -> None:
     packets, events = disturbed(list(recording(400)), seed=3, share=0.03)
     datagrams = [packet.content for packet in packets]
     status, warnings = record_while(tmp_path / "dive.sonar", lambda to: send_all(datagrams, to))
@@ -75,7 +75,7 @@ def test_losses_are_counted_and_all_else_is_in_the_file(tmp_path: Path) -> None:
     assert not any("busy:" in words or "slow" in words for words in warnings)
 
 
-def test_what_is_not_the_sonars_is_counted_and_left_out(tmp_path: Path) -> None:
+def test_damaged_and_foreign_packets_are_counted_and_left_out(tmp_path: Path) -> None:
     packets = contents(20)
     flipped = packets[8][:-1] + bytes([packets[8][-1] ^ 1])
     datagrams = [*packets[:8], flipped, packets[9][:-5], b"noise from the sonar", b"", *packets[10:]]
@@ -93,7 +93,7 @@ def test_what_is_not_the_sonars_is_counted_and_left_out(tmp_path: Path) -> None:
     assert [kind.numbers.missing for kind in status.tally.kinds.values()] == [1, 1, 0, 0]
 
 
-def test_packets_of_kinds_that_nobody_knows_are_kept(tmp_path: Path) -> None:
+def test_packets_of_unknown_kinds_are_kept(tmp_path: Path) -> None:
     unknown = rip.packb(rip.Header(sequence_id=7))
     unreadable = with_checksum(rip.packb(rip.RangeImage(width=1)).replace(b"RIP2", b"RIP1"))
     packets = contents(2)
@@ -104,7 +104,7 @@ def test_packets_of_kinds_that_nobody_knows_are_kept(tmp_path: Path) -> None:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("wanted", "kept"), [(None, 0), (OTHER, 1), (LOOPBACK, 0)])
-def test_of_two_sonars_one_is_recorded(tmp_path: Path, wanted: str | None, kept: int) -> None:
+def test_only_one_of_two_sonars_is_recorded(tmp_path: Path, wanted: str | None, kept: int) -> None:
     both = [contents(15, first) for first in (100, 7000)]
 
     def sends(to: tuple[str, int]) -> None:
@@ -119,7 +119,7 @@ def test_of_two_sonars_one_is_recorded(tmp_path: Path, wanted: str | None, kept:
     assert f"another sonar sends too ({(LOOPBACK, OTHER)[1 - kept]})" in " ".join(warnings)
 
 
-def test_a_sonar_that_comes_back_at_another_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sonar_that_returns_at_another_address_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarmap.tools.command.record.receiver._GONE", 0.2)
     packets = contents(10)
 
@@ -139,7 +139,7 @@ def test_a_sonar_that_comes_back_at_another_address(tmp_path: Path, monkeypatch:
 
 @pytest.fixture
 def interface() -> str:
-    """The loopback, where multicast is possible on it."""
+    """Name of the loopback interface; skips the test if it has no multicast."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as hearing, sender() as sending:
         hearing.settimeout(0.5)
         hearing.bind((GROUP, 0))
@@ -154,14 +154,14 @@ def interface() -> str:
 
 
 @pytest.mark.parametrize("which", ["all", "name", "address"])
-def test_multicast(tmp_path: Path, interface: str, which: str) -> None:
+def test_multicast_is_recorded(tmp_path: Path, interface: str, which: str) -> None:
     packets = contents(10)
     given = {"all": None, "name": interface, "address": LOOPBACK}[which]
     status, _ = record_while(tmp_path / "dive.sonar", lambda to: send_all(packets, to), GROUP, interface=given)
     assert status.path.read_bytes() == b"".join(packets)
 
 
-def test_a_group_takes_nothing_that_is_sent_to_an_address(tmp_path: Path, interface: str) -> None:
+def test_a_multicast_recording_ignores_unicast_packets(tmp_path: Path, interface: str) -> None:
     packets = contents(10)
 
     def sends(to: tuple[str, int]) -> None:
@@ -193,14 +193,14 @@ def test_the_sonars_own_group_is_the_default() -> None:
         (["--duration", "-5"], "--duration 90, 10m or 1.5h"),
     ],
 )
-def test_a_bad_option_is_refused_in_words(tmp_path: Path, options: list[str], wanted: str) -> None:
+def test_invalid_options_are_refused(tmp_path: Path, options: list[str], wanted: str) -> None:
     result = sonarmap("record", "-o", tmp_path / "a.sonar", *options)
     refused(result, wanted)
     assert result.stderr.startswith("error: ")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_is_there_is_kept(tmp_path: Path) -> None:
+def test_an_existing_file_is_kept(tmp_path: Path) -> None:
     out = tmp_path / "dive.sonar"
     out.write_bytes(b"older")
     command = ("record", "-o", out, "--unicast", f"{LOOPBACK}:{free_port()}", "--duration", "0.1")
@@ -210,13 +210,13 @@ def test_a_file_that_is_there_is_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "wanted"), [("dive.bag", "does not end in .sonar"), ("folder.sonar", "a folder of")])
-def test_a_name_that_cannot_be_is_refused(tmp_path: Path, name: str, wanted: str) -> None:
+def test_an_invalid_output_name_is_refused(tmp_path: Path, name: str, wanted: str) -> None:
     (tmp_path / "folder.sonar").mkdir()
     place = f"{LOOPBACK}:{free_port()}"
     refused(sonarmap("record", "-o", tmp_path / name, "--unicast", place, "--overwrite"), wanted)
 
 
-def test_a_port_that_is_taken_is_refused(tmp_path: Path) -> None:
+def test_a_port_in_use_is_refused(tmp_path: Path) -> None:
     source = Source(IPv4Address(LOOPBACK), free_port())
     with open_socket(source) as listening:
         assert listening.getsockname() == (LOOPBACK, source.port)
@@ -235,7 +235,7 @@ def test_ports_that_need_permission_are_refused(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.skipif(not hasattr(socket, "SO_REUSEPORT") or not Path("/proc").exists(), reason="Linux counts these")
-def test_what_the_system_loses_is_counted() -> None:
+def test_packets_lost_by_the_system_are_counted() -> None:
     source = Source(IPv4Address(LOOPBACK), free_port())
     with open_socket(source) as listening, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -253,9 +253,9 @@ def test_what_the_system_loses_is_counted() -> None:
         assert overflow_of(listening.recvmsg(2000, socket.CMSG_SPACE(4))[1]) == 50 - came > 0
 
 
-def test_the_clock_is_told_by_the_packets_that_took_the_least_time() -> None:
+def test_the_clock_offset_comes_from_the_fastest_packets() -> None:
     clock, rng = ClockOffset(), np.random.default_rng(5)
-    for k in range(600):  # of 30 s, in which the sonar's clock goes from 2.5 s ahead to 2.8 s
+    for k in range(600):  # 30 s, while the sonar's clock drifts from 2.5 s to 2.8 s ahead
         stamp = 100.0 + k / 20
         clock.add(stamp + 2.5 + 0.01 * k / 20, stamp + 0.040 + rng.exponential(0.050))
     assert clock.first == pytest.approx(2.5 - 0.040 + 0.05, abs=0.06)
@@ -269,7 +269,7 @@ def shot(number: int, stamp: float) -> bytes:
     return rip.packb(image)
 
 
-def test_numbers_that_wrap_start_again_and_come_twice() -> None:
+def test_wrapped_restarted_and_repeated_numbers_are_counted() -> None:
     numbers = {2**32 - 3: 0, 2**32 - 2: 1, 1: 4, 0: 3, 4: 7, 90_000: 8, 90_001: 9}  # with their times [s]
     #   missing: 2^32 - 1;  2, 3;  then another count
     tally = Tally()
@@ -280,7 +280,7 @@ def test_numbers_that_wrap_start_again_and_come_twice() -> None:
     assert (tally.missing, tally.missing_share, tally.packets) == (3, 0.3, 8)
 
 
-def test_memory_does_not_grow_with_the_numbers() -> None:
+def test_memory_does_not_grow_with_the_number_of_packets() -> None:
     tally = Tally()
     for k in range(3000):
         tally.add(shot(k, 2000 + k / 20), 2000 + k / 20)
@@ -292,7 +292,7 @@ def test_memory_does_not_grow_with_the_numbers() -> None:
 
 
 def damaged_datagrams(count: int) -> Iterator[tuple[bytes, bytes]]:
-    """A packet's datagram damaged at random, and the same with a checksum that fits."""
+    """Datagrams damaged at random, each also with a valid checksum."""
     whole = [packet.content for packet in recording(4)] + [rip.packb(rip.ImuBatch(samples=3))]
     for number in range(count):
         rng = np.random.default_rng([7, number])
@@ -302,7 +302,7 @@ def damaged_datagrams(count: int) -> Iterator[tuple[bytes, bytes]]:
 
 
 @pytest.mark.parametrize("count", [200, pytest.param(3000, marks=pytest.mark.slow)])
-def test_damaged_datagrams_are_counted_and_end_nothing(count: int) -> None:
+def test_damaged_datagrams_are_counted_without_an_error(count: int) -> None:
     tally, senders, kept, start = Tally(), Senders(), 0, processor_time()
     for datagrams in damaged_datagrams(count):
         for content in datagrams:
@@ -331,7 +331,7 @@ def status() -> Status:
     return status
 
 
-def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
+def test_each_silence_is_warned_of_once(status: Status) -> None:
     watch, warned = Watch(), []
     for silence in (0.05, 5.5, 9.5, 0.0, 5.1):
         status.silence = silence
@@ -341,7 +341,7 @@ def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
 
 
 @pytest.mark.parametrize(
-    ("disk", "duration", "said"),
+    ("disk", "duration", "expected"),
     [
         (1.1e6 * 700, None, []),
         (1.1e6 * 500, None, ["full in 8 min (524 MiB left)"]),
@@ -351,16 +351,16 @@ def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
         (1.1e6 * 50, 90.0, []),
     ],
 )
-def test_a_disk_that_will_be_full(status: Status, disk: float, duration: float | None, said: list[str]) -> None:
+def test_warning_of_a_full_disk(status: Status, disk: float, duration: float | None, expected: list[str]) -> None:
     source = Source(IPv4Address("224.0.0.96"), 4747)
     status.settings = RecordSettings(source, Path("dive.sonar"), duration)
     status.disk = round(disk)
     warnings = list(Watch().warnings(status))
-    assert len(warnings) == len(said)
-    assert all(words in warning for words, warning in zip(said, warnings, strict=True))
+    assert len(warnings) == len(expected)
+    assert all(words in warning for words, warning in zip(expected, warnings, strict=True))
 
 
-def test_a_clock_that_is_off_losses_and_a_small_buffer_are_told(status: Status) -> None:
+def test_clock_offset_losses_and_a_small_buffer_are_warned_of(status: Status) -> None:
     status.tally.clock.latest, status.buffer, status.overflow, status.unsaved = -7.25, 425_984, 2, 1
     small, busy, slow, clock = Watch().warnings(status)
     wanted = {"holds 416 KiB only": small, "net.core.rmem_max": small, "too busy": busy, "too slow": slow}

@@ -38,7 +38,7 @@ FILES = {"changes.json", "changes.ply", "changes.csv", "changes.png"}
 
 
 def scans(folder: Path, seed: int, poses: list[int], dug: float = 0.0, scene: int = 1) -> Path:
-    """Scans of clutter over a bed, which is lower by so much [m] in a square of 4 m."""
+    """Scans of clutter over a bed, which is lower by `dug` [m] in a square of 4 m."""
     rng = np.random.default_rng(seed)
     clouds: dict[str, Any] = {}
     for pose in poses:
@@ -54,7 +54,7 @@ def scans(folder: Path, seed: int, poses: list[int], dug: float = 0.0, scene: in
 
 @pytest.fixture(scope="module")
 def maps(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Of one place, of it later from other poses, and of another place."""
+    """Maps of one place, of the same place later from other poses, and of another place."""
     root = tmp_path_factory.mktemp("compare")
     given = {
         "old": scans(root / "a", 1, [0, 1, 2]),
@@ -68,13 +68,13 @@ def maps(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def compared(maps: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
-    """What is printed as JSON, and the folder."""
+    """The printed JSON and the output folder."""
     out = tmp_path_factory.mktemp("out")
     return printed(sonarmap("compare", maps["old"], maps["new"], "-o", out, *GRID, "--json")), out
 
 
 @pytest.mark.slow
-def test_the_hole_is_found_and_nothing_else(compared: tuple[dict[str, Any], Path]) -> None:
+def test_only_the_hole_is_reported(compared: tuple[dict[str, Any], Path]) -> None:
     result, out = compared
     assert result.keys() == KEYS | {"aligned", "files"}
     assert set(files_in(out)) == FILES
@@ -91,7 +91,7 @@ def test_the_hole_is_found_and_nothing_else(compared: tuple[dict[str, Any], Path
 
 
 @pytest.mark.slow
-def test_the_files_agree(compared: tuple[dict[str, Any], Path]) -> None:
+def test_the_files_agree_with_the_printed_json(compared: tuple[dict[str, Any], Path]) -> None:
     result, out = compared
     written = json.loads((out / "changes.json").read_text())
     assert written["regions"] == result["regions"]
@@ -106,7 +106,7 @@ def test_the_files_agree(compared: tuple[dict[str, Any], Path]) -> None:
 
 
 @pytest.mark.slow
-def test_on_the_earth(maps: dict[str, Path], tmp_path: Path) -> None:
+def test_maps_on_the_earth_give_laz_and_geotiff(maps: dict[str, Path], tmp_path: Path) -> None:
     place = ("--origin", "60.0,9.0,-3")
     result = done(sonarmap("compare", maps["old"], maps["old"], "-o", tmp_path, *GRID, *place))
     assert "0 regions changed" in result.stdout
@@ -123,7 +123,7 @@ def test_on_the_earth(maps: dict[str, Path], tmp_path: Path) -> None:
     assert (verdict.compressed() == Verdict.UNCHANGED).mean() > 0.5
 
 
-def test_frames_on_the_earth_are_kept(tmp_path: Path) -> None:
+def test_same_frame_compares_positions_on_the_earth(tmp_path: Path) -> None:
     """The later map's frame has its origin 20 m farther north; its points are the same."""
     old = finished_map(tmp_path / "old", georeference=Georeference(60.0, 9.0, height=-3.0))
     north = Georeference(60.0 + 20 / 111_412, 9.0, height=-3.0)
@@ -139,7 +139,7 @@ def test_frames_on_the_earth_are_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None:
+def test_maps_of_two_places_are_refused(maps: dict[str, Path], tmp_path: Path) -> None:
     given = ("compare", maps["old"], maps["other"], "-o", tmp_path / "x", *GRID)
     result = sonarmap(*given)
     assert result.exit_code == 3
@@ -159,7 +159,7 @@ def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None
         (("new", "--crs", "EPSG:32632"), "--crs has no effect"),
     ],
 )
-def test_what_cannot_be_compared(options: tuple[str, ...], words: str, tmp_path: Path) -> None:
+def test_invalid_arguments_are_refused(options: tuple[str, ...], words: str, tmp_path: Path) -> None:
     maps = {name: finished_map(tmp_path / name) for name in ("old", "new")}
     given = [maps.get(each, each) for each in options]
     refused(sonarmap("compare", maps["old"], *given, "-o", tmp_path), words)
@@ -167,7 +167,7 @@ def test_what_cannot_be_compared(options: tuple[str, ...], words: str, tmp_path:
 
 
 @pytest.mark.slow
-def test_surveys_of_one_map(maps: dict[str, Path], tmp_path: Path) -> None:
+def test_surveys_of_one_map_are_compared(maps: dict[str, Path], tmp_path: Path) -> None:
     root = maps["old"].parent
     done(sonarmap("map", root / "a", root / "b", "-o", tmp_path / "both", *MAPPING))
     result = printed(sonarmap("compare", tmp_path / "both", "--surveys", "-o", tmp_path / "out", "--json"))

@@ -23,7 +23,7 @@ def placed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder, root / "out" / "map.laz"
 
 
-def test_a_cloud_on_the_earth(placed: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_cloud_and_a_map_on_the_earth_are_compared(placed: tuple[Path, Path], tmp_path: Path) -> None:
     folder, cloud = placed
     result = done(sonarmap("compare", cloud, folder, "-o", tmp_path, "--same-frame"))
     said(result, "errors of the poses of", "are taken to count from 'surface'")
@@ -35,7 +35,7 @@ def test_a_cloud_on_the_earth(placed: tuple[Path, Path], tmp_path: Path) -> None
     assert (back["new"], back["regions"], len(back["notes"])) == (str(cloud), [], 3)
 
 
-def test_what_cannot_be_compared(placed: tuple[Path, Path], tmp_path: Path) -> None:
+def test_invalid_arguments_are_refused(placed: tuple[Path, Path], tmp_path: Path) -> None:
     folder, cloud = placed
     out = ("-o", tmp_path / "out")
     points = read_map_folder(folder).parts[0].points

@@ -1,4 +1,4 @@
-"""`sonarmap devices`: the list, the one that would be chosen, and none at all."""
+"""`sonarmap devices`: the list, the chosen device, and no usable device."""
 
 import json
 from pathlib import Path
@@ -15,12 +15,12 @@ from tests.samples.clutter_scans import done, printed, refused, said, sonarmap
 class TestDevices:
     @pytest.fixture(autouse=True)
     def _any_device(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-        """None is asked for, and none has been tested before."""
+        """No device is requested, and no self-test is remembered."""
         monkeypatch.setenv("PYOPENCL_CTX", "")
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
     @pytest.mark.slow
-    def test_json(self) -> None:
+    def test_json_lists_devices_and_the_chosen_one(self) -> None:
         device = choose_device()
         shown = command_line.sonarmap("devices", "--json", PYOPENCL_CTX="")
         assert (shown.returncode, shown.stderr) == (0, "")
@@ -31,7 +31,7 @@ class TestDevices:
         assert chosen["memory"] >= chosen["largest_allocation"] > 0
 
     @pytest.mark.slow
-    def test_each_that_works_is_tested(self) -> None:
+    def test_every_working_device_is_tested(self) -> None:
         before = printed(sonarmap("devices", "--json"))["devices"]
         assert {entry["self_test"] for entry in before if entry["kind"] == "cpu"} == {"not tested"}
         tested = done(sonarmap("devices", "--test")).stdout.splitlines()
@@ -42,7 +42,7 @@ class TestDevices:
         assert [entry["self_test"] == "passed" for entry in after] == [entry["works"] for entry in after]
 
     @pytest.mark.slow
-    def test_one_that_fails_its_test_is_refused(self) -> None:
+    def test_a_device_that_failed_its_self_test_is_refused(self) -> None:
         for info in list_devices():
             remember_self_test(info.identity, "failed", "voxels of points: off by 1 voxels")
         result = sonarmap("devices")
@@ -52,12 +52,12 @@ class TestDevices:
         again = "update the driver and try it again by 'sonarmap devices --test'"
         said(result, "its self-test failed: voxels of points", again)
 
-    def test_no_driver_names_the_package_that_brings_one(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def test_without_a_driver_a_package_is_suggested(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
         refused(sonarmap("devices"), "pocl-opencl-icd")
 
     @pytest.mark.slow
-    def test_devices_that_all_fail_are_listed_and_2(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_devices_that_all_fail_are_listed_with_exit_code_2(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def no_device(selector: str | None = None) -> Device:
             raise DeviceError("no OpenCL device works")
 
@@ -69,7 +69,7 @@ class TestDevices:
         assert "no OpenCL device works" in result.stderr
 
     @pytest.mark.slow
-    def test_an_unknown_device_is_2(self) -> None:
+    def test_an_unknown_device_is_refused(self) -> None:
         result = sonarmap("devices", "--device", "abacus")
         assert result.exit_code == 2
         assert "no OpenCL device matches 'abacus'" in result.stderr

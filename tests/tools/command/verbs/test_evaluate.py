@@ -36,21 +36,21 @@ def evaluated(*arguments: str | Path) -> dict[str, Any]:
     return printed(sonarmap("evaluate", *arguments, "--json"))
 
 
-def test_a_straight_line_is_evaluated_without_an_option(pair: list[Path]) -> None:
+def test_a_straight_trajectory_is_evaluated_by_default(pair: list[Path]) -> None:
     result = sonarmap("evaluate", *pair)
     assert (result.exit_code, result.stderr) == (0, "")
     assert "4 poses, aligned by all poses" in result.stdout
     refused(sonarmap("evaluate", *pair, "--align", "positions"), "on one line")
 
 
-def test_an_error_of_the_first_pose_is_said_to_move_all_others(tmp_path: Path, pair: list[Path]) -> None:
+def test_align_first_warns_that_an_error_of_the_first_pose_moves_all(tmp_path: Path, pair: list[Path]) -> None:
     turned = RigidTransform.concatenate([TRUTH.T_world_sensor[0] * SLIP, *TRUTH.T_world_sensor[1:]])
     write_tum(tmp_path / "turned.tum", Trajectory(STAMPS, turned))
     ates = [evaluated(tmp_path / "turned.tum", pair[1], "--align", how)["ate_m"]["rms"] for how in ("first", "poses")]
     assert ates[0] > 2 * ates[1]
-    told = " ".join(sonarmap("evaluate", tmp_path / "turned.tum", pair[1], "--align", "first").stdout.split())
-    assert f"{ates[0]:.3f} m (ATE" in told
-    assert "whose error moves and turns all others; all poses, the default, fit closest" in told
+    shown = " ".join(sonarmap("evaluate", tmp_path / "turned.tum", pair[1], "--align", "first").stdout.split())
+    assert f"{ates[0]:.3f} m (ATE" in shown
+    assert "whose error moves and turns all others; all poses, the default, fit closest" in shown
     assert "moves and turns" not in sonarmap("evaluate", *pair).stdout
 
 
@@ -84,7 +84,7 @@ def test_kitti_files_are_compared_line_by_line(tmp_path: Path, pair: list[Path],
     refused(sonarmap("evaluate", pair[0], files[1]), f"{files[1]} is a KITTI file", "Give two files of one format")
 
 
-def test_truths_of_several_dives_are_counted_on(tmp_path: Path) -> None:
+def test_numbered_truths_of_several_dives_are_concatenated(tmp_path: Path) -> None:
     """A map of two dives stamps their scans 0 to 3; the truth of each dive counts from 0."""
     poses = TRUTH.T_world_sensor
     write_tum(tmp_path / "estimate.tum", Trajectory(np.arange(4.0), ESTIMATE.T_world_sensor))
@@ -96,7 +96,7 @@ def test_truths_of_several_dives_are_counted_on(tmp_path: Path) -> None:
     assert [row["translation_m"] for row in rows] == pytest.approx([0, 0, 0.4, 0], abs=1e-9)
 
 
-def test_truths_with_times_keep_them(tmp_path: Path, pair: list[Path]) -> None:
+def test_truths_with_times_are_matched_by_time(tmp_path: Path, pair: list[Path]) -> None:
     poses = TRUTH.T_world_sensor
     write_tum(tmp_path / "a.tum", Trajectory(STAMPS[2:], poses[2:]))
     write_tum(tmp_path / "b.tum", Trajectory(STAMPS[:2], poses[:2]))

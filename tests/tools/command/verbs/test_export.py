@@ -1,4 +1,4 @@
-"""`sonarmap export` and `map --export` end to end."""
+"""`sonarmap export`, `map --export` and `view` end to end."""
 
 import json
 import webbrowser
@@ -30,39 +30,39 @@ def test_formats_are_repeated_or_separated_by_commas(mapped: Path, tmp_path: Pat
     assert "no heading was measured" in result.stderr
 
 
-def test_names_that_are_nearly_right_are_understood(mapped: Path, tmp_path: Path) -> None:
+def test_misspelled_formats_are_accepted_or_suggested(mapped: Path, tmp_path: Path) -> None:
     done(sonarmap("export", mapped, "-o", tmp_path, "--format", "geotif, geojsn", *ORIGIN))
     assert {"grid.tif", "track.geojson"} < {path.name for path in tmp_path.iterdir()}
     refused(sonarmap("export", mapped, "-o", tmp_path, "--format", "csv,las"), "did you mean laz?")
 
 
-def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_path: Path) -> None:
+def test_a_map_without_an_origin_exports_points_in_its_own_frame(mapped: Path, tmp_path: Path) -> None:
     refused(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz"), "or --crs map for points and grids")
     done(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz,copc", "--crs", "map"))
     las, part = laspy.read(tmp_path / "map.laz"), read_map_folder(mapped).parts[0]
     np.testing.assert_allclose(las.xyz, part.points, rtol=0, atol=5.1e-4)
     assert las.header.parse_crs() is None
-    said = json.loads((tmp_path / "map.copc.laz.json").read_text())
-    assert said["frame"].startswith("the map's")
-    assert said["crs"] is None
+    description = json.loads((tmp_path / "map.copc.laz.json").read_text())
+    assert description["frame"].startswith("the map's")
+    assert description["crs"] is None
 
 
 def test_json_lists_the_files(mapped: Path, tmp_path: Path) -> None:
     result = sonarmap("export", mapped, "-o", tmp_path, "--format", "kmz", *ORIGIN, "--json")
-    said = json.loads(result.stdout)
-    assert said["files"] == [str(tmp_path / "map.kmz"), str(tmp_path / "map.kmz.json")]
-    assert (said.keys(), said["grids"]) == ({"files", "notes", "grids"}, [])
+    description = json.loads(result.stdout)
+    assert description["files"] == [str(tmp_path / "map.kmz"), str(tmp_path / "map.kmz.json")]
+    assert (description.keys(), description["grids"]) == ({"files", "notes", "grids"}, [])
     assert "exporting" not in result.stderr
 
 
-def test_what_no_option_says_stays_as_the_map_has_it(mapped: Path, tmp_path: Path) -> None:
+def test_vertical_reference_heading_and_crs_are_exported(mapped: Path, tmp_path: Path) -> None:
     out = finished_map(tmp_path / "out")
     options = ("--origin-heading", "12.5", "--vertical", "EGM96")
     for extra in ((), ("--crs", "EPSG:25832")):
         done(sonarmap("export", out, "-o", tmp_path / "gis", "--format", "laz", *ORIGIN, *options, *extra))
-        said = json.loads((tmp_path / "gis" / "map.laz.json").read_text())
-        assert (said["vertical_epsg"], said["origin"]["x_axis_true_heading_deg"]) == (5773, 12.5)
-        assert said["crs"]["epsg"] == (25832 if extra else 32632)
+        description = json.loads((tmp_path / "gis" / "map.laz.json").read_text())
+        assert (description["vertical_epsg"], description["origin"]["x_axis_true_heading_deg"]) == (5773, 12.5)
+        assert description["crs"]["epsg"] == (25832 if extra else 32632)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_what_no_option_says_stays_as_the_map_has_it(mapped: Path, tmp_path: Pat
         ("EPSG:25832:297353.9327,6700648.3452,-12.5", -12.5),
     ],
 )
-def test_forms_of_an_origin(origin: str, height: float) -> None:
+def test_formats_of_an_origin(origin: str, height: float) -> None:
     here = EarthPlace(origin=origin).georeference()
     assert here is not None
     assert (here.latitude, here.longitude, here.height) == pytest.approx((60.3913, 5.3221, height), abs=1e-7)
@@ -98,14 +98,14 @@ def test_forms_of_an_origin(origin: str, height: float) -> None:
         (("--format", "laz", *ORIGIN, "--points", "all"), "does not say where the map's scans are"),
     ],
 )
-def test_options_that_cannot_be_used(mapped: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+def test_invalid_options_are_refused(mapped: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
     result = sonarmap("export", mapped, "-o", tmp_path / "gis", *options)
     refused(result, words)
     assert "Traceback" not in result.stderr
     assert not list(tmp_path.rglob("*.*"))
 
 
-def test_a_folder_that_is_no_map_ends_with_2(tmp_path: Path) -> None:
+def test_a_folder_without_a_map_is_refused(tmp_path: Path) -> None:
     refused(sonarmap("export", tmp_path, "-o", tmp_path / "gis", "--format", "laz", *ORIGIN), "summary.json")
 
 
@@ -120,11 +120,11 @@ def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
     assert summary["georeference"] == place | {"vertical": "MSL", "heading": 90.0}
     assert [row["name"] for row in summary["inputs"]] == ["scan_0.ply", "scan_1.ply"]
     assert all(len(row["sha256"]) == 64 and row["bytes"] > 1000 for row in summary["inputs"])
-    said = json.loads((out / "map.laz.json").read_text())
-    assert said["inputs"] == summary["inputs"]
-    assert (said["crs"]["epsg"], said["vertical_epsg"]) == (25832, 5714)
+    description = json.loads((out / "map.laz.json").read_text())
+    assert description["inputs"] == summary["inputs"]
+    assert (description["crs"]["epsg"], description["vertical_epsg"]) == (25832, 5714)
 
-    # the map knows its origin now; and without --export the next run leaves no export of another map
+    # the map has an origin now; the next run without --export removes the exports
     again = sonarmap("export", out, "-o", tmp_path / "gis", "--format", "laz", "--crs", "EPSG:25832", "--quiet")
     assert again.exit_code == 0, again.stderr
     assert (tmp_path / "gis" / "map.laz").read_bytes() == (out / "map.laz").read_bytes()
@@ -136,16 +136,16 @@ def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
     ("options", "there", "words"),
     [
         (("--export", "laz"), "", "--origin"),
-        (("--priors", "nav.csv", *ORIGIN, "--origin-heading", "20"), "", "--origin-heading"),  # beside measured ones
+        (("--priors", "nav.csv", *ORIGIN, "--origin-heading", "20"), "", "--origin-heading"),  # headings were measured
         (("--export", "laz,eiva-position", *ORIGIN), "", "eiva-position needs stamps from 631152000 to 4102444800 s"),
         (("--export", "laz", *ORIGIN), "map.laz", "map.laz exists and"),
         (("--export", "geotiff", *ORIGIN), "grid.qml", "grid.qml exists and"),
     ],
 )
-def test_map_refuses_before_it_maps(
+def test_map_refuses_exports_before_mapping(
     tmp_path: Path, options: tuple[str, ...], there: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And so it does what its exports would replace: not even a journal is written."""
+    """Also if exports would replace a file of the user; not even a journal is written."""
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
     (tmp_path / "nav.csv").write_text("name,heading_deg,heading_sigma_deg\nscan_0.ply,10,1\nscan_1.ply,12,1\n")
@@ -158,8 +158,8 @@ def test_map_refuses_before_it_maps(
 
 
 @pytest.mark.slow
-def test_map_exports_over_what_it_or_an_export_wrote_before(tmp_path: Path) -> None:
-    """What the user put beside it under names of no export is left alone."""
+def test_map_replaces_its_own_earlier_exports(tmp_path: Path) -> None:
+    """Files of the user under other names are left alone."""
     write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
     out = tmp_path / "out"
     run = ("map", tmp_path / "scans", "-o", out, "--grid", "64", "--no-report")
@@ -192,7 +192,7 @@ def commands(out: Path) -> dict[str, tuple[str | Path, ...]]:
 
 
 @pytest.mark.parametrize("verb", commands(Path()))
-def test_while_another_writes_to_it_all_are_refused(out: Path, verb: str) -> None:
+def test_all_verbs_are_refused_while_another_run_writes(out: Path, verb: str) -> None:
     finished_map(out.parent / "other")
     before = files_in(out)
     with locked(out, writing=True):
@@ -203,14 +203,14 @@ def test_while_another_writes_to_it_all_are_refused(out: Path, verb: str) -> Non
 
 
 @pytest.mark.parametrize("verb", ["view", "export into it", "export from it"])
-def test_while_another_reads_it_only_readers_are_let_in(out: Path, verb: str) -> None:
+def test_only_readers_run_while_another_run_reads(out: Path, verb: str) -> None:
     with locked(out, writing=False):
         result = sonarmap(*commands(out)[verb])
     assert (result.exit_code == 0) == (verb == "export from it")
     assert sonarmap(*commands(out)[verb]).exit_code == 0
 
 
-def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_view_opens_a_report_in_a_locked_folder(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("webbrowser.open", lambda address: True)
     (out / "report.html").write_text("it")
     with locked(out, writing=True):
@@ -218,44 +218,44 @@ def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pyte
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The addresses that a browser was asked to open."""
+def opened_urls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The addresses that the browser was to open."""
     addresses: list[str] = []
     monkeypatch.setattr(webbrowser, "open", lambda address: addresses.append(address) or True)
     return addresses
 
 
-def test_it_writes_and_opens_the_report(tmp_path: Path, asked: list[str]) -> None:
+def test_view_writes_and_opens_the_report(tmp_path: Path, opened_urls: list[str]) -> None:
     out = finished_map(tmp_path / "out ü #1")
     refused(sonarmap("view", out), "has no report.html", "--rebuild")
     written = sonarmap("view", out, "--rebuild", "--no-open")
-    assert (written.exit_code, asked) == (0, [])
+    assert (written.exit_code, opened_urls) == (0, [])
     assert (out / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     done(sonarmap("view", out))
-    assert asked == [(out / "report.html").as_uri()]
-    assert asked[0].endswith("out%20%C3%BC%20%231/report.html")
+    assert opened_urls == [(out / "report.html").as_uri()]
+    assert opened_urls[0].endswith("out%20%C3%BC%20%231/report.html")
 
 
-def test_it_writes_anew(tmp_path: Path, asked: list[str]) -> None:
+def test_view_rebuild_replaces_the_report(tmp_path: Path, opened_urls: list[str]) -> None:
     out = finished_map(tmp_path / "out")
     (out / "report.html").write_text("old")
     assert sonarmap("view", out).exit_code == 0
     assert (out / "report.html").read_text() == "old"
     assert sonarmap("view", out, "--rebuild").exit_code == 0
     assert (out / "report.html").read_text(encoding="utf-8") != "old"
-    assert len(asked) == 2
+    assert len(opened_urls) == 2
 
 
 @pytest.mark.parametrize("options", [(), ("--rebuild",)])
-def test_what_is_no_map_is_refused(tmp_path: Path, asked: list[str], options: tuple[str, ...]) -> None:
+def test_view_refuses_folders_without_a_map(tmp_path: Path, opened_urls: list[str], options: tuple[str, ...]) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "empty").mkdir()
     for name in ("file", "empty", "missing"):
         refused(sonarmap("view", tmp_path / name, *options), str(tmp_path / name), "`sonarmap map` wrote")
-    assert asked == []
+    assert opened_urls == []
 
 
-def test_without_a_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_view_without_a_browser_names_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(webbrowser, "open", lambda address: False)
     out = finished_map(tmp_path / "out")
     result = sonarmap("view", out, "--rebuild")

@@ -1,4 +1,4 @@
-"""`sonarmap inspect`: what is in recordings and other files, in words and as JSON."""
+"""`sonarmap inspect`: summaries of recordings, scans and logs, in words and as JSON."""
 
 import os
 from pathlib import Path
@@ -40,7 +40,7 @@ def as_json(*arguments: Any) -> dict[str, Any]:
 
 
 class TestRecording:
-    def test_all_of_it_as_json(self, dive: Path) -> None:
+    def test_a_recording_as_json(self, dive: Path) -> None:
         found = as_json(dive)
         assert (found["scans"], found["first"], found["last"]) == (57, "dive#0", "dive#56")
         clock = found["clock"]
@@ -60,16 +60,16 @@ class TestRecording:
         assert found["next"] == f"sonarmap map {dive} -o map/"
         assert "names" not in found
 
-    def test_names_are_those_of_a_file_of_priors(self, dive: Path) -> None:
+    def test_names_lists_all_scans(self, dive: Path) -> None:
         names = [f"dive#{k}" for k in range(57)]
         assert as_json(dive, "--names")["names"] == sonarmap("inspect", dive, "--names").stdout.split() == names
 
-    def test_the_grid_is_that_of_map(self, dive: Path) -> None:
+    def test_inspect_and_map_choose_the_same_grid(self, dive: Path) -> None:
         grid = survey_grid(read_survey([dive]).scans)
         assert as_json(dive)["grid"] == {"edge": grid.edge, "voxel": grid.voxel}
         assert as_json(dive, "--grid", 64)["grid"]["voxel"] == pytest.approx(2 * grid.voxel)
 
-    def test_a_corrected_sound_speed_and_scale_are_seen_and_handed_on(self, dive: Path) -> None:
+    def test_sound_speed_and_range_scale_change_the_summary(self, dive: Path) -> None:
         plain, scaled = as_json(dive), as_json(dive, "--range-scale", 1.5)
         np.testing.assert_allclose(scaled["extent_m"], 1.5 * np.array(plain["extent_m"]), rtol=1e-6)
         faster = as_json(dive, "--sound-speed", 1500)
@@ -78,7 +78,7 @@ class TestRecording:
 
 
 class TestOtherFormats:
-    def test_a_folder_of_scans(self, tmp_path: Path) -> None:
+    def test_a_folder_of_scans_as_json(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0), b=scan(1)[:5000])
         found = as_json(tmp_path)
         assert (found["scans"], found["first"], found["last"]) == (2, "a", "b")
@@ -88,7 +88,7 @@ class TestOtherFormats:
         assert np.abs(np.array(found["extent_m"]) - (high - low)).max() < 1.0
         assert "not recorded: the scans are numbered" in sonarmap("inspect", tmp_path).stdout
 
-    def test_what_cannot_be_read_is_told_and_the_rest_shown(self, tmp_path: Path) -> None:
+    def test_unreadable_files_are_reported_and_the_others_summarized(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0), b=scan(1))
         (tmp_path / "c.ply").write_bytes(b"ply\nnot at all\n")
         shown = sonarmap("inspect", tmp_path)
@@ -96,12 +96,12 @@ class TestOtherFormats:
         said(shown, "cannot be read")
         assert "2: a to b" in shown.stdout
 
-    def test_one_scan_alone_makes_no_map(self, tmp_path: Path) -> None:
+    def test_a_single_scan_is_too_few_for_a_map(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
         assert "a map needs at least two scans" in sonarmap("inspect", tmp_path / "a.ply").stdout
         assert as_json(tmp_path / "a.ply")["next"] is None
 
-    def test_a_speed_of_sound_for_a_format_without_one(self, tmp_path: Path) -> None:
+    def test_sound_speed_is_refused_for_a_format_without_one(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
         words = ("--sound-speed 1490 cannot be used, as a PLY file does not say", "give --range-scale instead")
         for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
@@ -126,7 +126,7 @@ class TestImuOption:
             (True, "nav.csv", "2 of 2 scans: the recording's own IMU is not used, as {} is given"),
         ],
     )
-    def test_what_is_used_is_said(
+    def test_the_use_of_the_imu_is_reported(
         self, pair: Path, imu: bool, nav: str | None, words: str, capsys: pytest.CaptureFixture[str]
     ) -> None:
         scans, priors = read_scans([pair / "dive.sonar"]).scans, nav and pair / nav
@@ -140,7 +140,7 @@ class TestImuOption:
             assert all(prior is not None and prior.knows_attitude for prior in used)
 
     @pytest.mark.parametrize("options", [["--method", "icp"], ["--method", "icp", "--no-imu"]])
-    def test_a_method_without_priors_does_not_use_it(self, pair: Path, options: list[str]) -> None:
+    def test_a_method_without_priors_ignores_the_imu(self, pair: Path, options: list[str]) -> None:
         shots = [f"{pair / 'dive.sonar'}#{k}" for k in (0, 1)]
         said(sonarmap("register", *shots, *options, "--voxel", "1"), "2 of 2 scans: their own IMU is not used")
 
@@ -165,7 +165,7 @@ ROWS = 100
 
 
 def table(*changed: tuple[int, str]) -> str:
-    """A log at 1 Hz along East; some rows are others."""
+    """A log at 1 Hz along East; `changed` replaces rows."""
     rows = [
         f"{START + k:.0f},{60 + 1e-7 * (k % 3):.7f},{5 + 2.7e-5 * k:.7f},{90 + k % 2},{12.5},7" for k in range(ROWS)
     ]
@@ -204,7 +204,7 @@ def test_a_log_as_json(log: Path) -> None:
     assert found["next"].startswith("sonarmap map SCANS --priors ")
 
 
-def test_in_words_with_a_picture(log: Path, tmp_path: Path) -> None:
+def test_a_log_in_words_with_a_plot(log: Path, tmp_path: Path) -> None:
     result = done(sonarmap("inspect", log, "--plot", tmp_path / "nav.png"))
     words = " ".join(result.stdout.split())
     for each in ("nav.csv", "100 rows", "1 rows per second, no gaps", "line 32: position: far from the rows around"):
@@ -212,7 +212,7 @@ def test_in_words_with_a_picture(log: Path, tmp_path: Path) -> None:
     assert (tmp_path / "nav.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_beside_scans(log: Path, tmp_path: Path) -> None:
+def test_a_log_and_scans(log: Path, tmp_path: Path) -> None:
     found = printed(sonarmap("inspect", log, scans(tmp_path / "with", START + 10), "--json"))
     assert found["scans"] == {
         "count": 3,
@@ -224,7 +224,7 @@ def test_beside_scans(log: Path, tmp_path: Path) -> None:
     said(result, "no row is at the time of a scan", "wanted stamps of one clock")
 
 
-def test_what_is_no_log(log: Path, tmp_path: Path) -> None:
+def test_clouds_in_csv_are_scans_and_invalid_logs_are_refused(log: Path, tmp_path: Path) -> None:
     cloud = tmp_path / "cloud.csv"
     points = np.random.default_rng(0).normal(size=(50, 4)).round(3)
     cloud.write_text("x,y,z,time\n" + "\n".join(",".join(map(str, row)) for row in points.tolist()) + "\n")

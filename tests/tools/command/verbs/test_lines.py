@@ -23,7 +23,7 @@ PINGS, LANES = 250, 3
 
 
 def survey_of(folder: Path, survey: Survey) -> list[Path]:
-    """Its first lanes as GSF files, as they were recorded."""
+    """Write the first recorded lines of a survey as GSF files."""
     return [gsf_of(folder / f"{k}.gsf", line) for k, line in enumerate(survey.recorded[:LANES])]
 
 
@@ -52,8 +52,8 @@ def test_corrected_navigation_is_nearer_to_the_truth(mapped: Path, survey: Surve
         HERE.local(geodetic)[:, :2],
         *(np.concatenate([line.places for line in lines[:LANES]])[:, :2] for lines in (survey.true, survey.recorded)),
     )
-    # what all lines are off by together nothing can tell
-    errors = [np.linalg.norm((own - true) - (own - true).mean(axis=0), axis=1) for own in (found, before)]
+    # an offset common to all lines cannot be observed
+    errors = [np.linalg.norm((places - true) - (places - true).mean(axis=0), axis=1) for places in (found, before)]
     assert np.sqrt((errors[0] ** 2).mean()) < 0.4 * np.sqrt((errors[1] ** 2).mean())
     moved = np.array([[float(row[f"moved_{axis}_m"]) for axis in ("east", "north")] for row in rows])
     np.testing.assert_allclose(found - moved, before, atol=0.01)  # a GSF file has 1e-7 degrees
@@ -63,7 +63,7 @@ def test_corrected_navigation_is_nearer_to_the_truth(mapped: Path, survey: Surve
 
 
 @pytest.mark.slow
-def test_soundings_lie_where_the_navigation_says(mapped: Path, survey: Survey) -> None:
+def test_soundings_match_the_true_positions(mapped: Path, survey: Survey) -> None:
     las = laspy.read(mapped / "out" / "soundings.laz")
     assert len(las.points) == sum(len(line.pings) for line in survey.recorded[:LANES])
     assert np.unique(np.asarray(las.point_source_id)).tolist() == [1, 2, 3]
@@ -78,7 +78,7 @@ def test_soundings_lie_where_the_navigation_says(mapped: Path, survey: Survey) -
 
 
 @pytest.mark.slow
-def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
+def test_patch_test_removes_biases(tmp_path: Path) -> None:
     files = survey_of(tmp_path, simulated(4, WRONG, rms=0.6, pings=PINGS, beams=128))
     result = done(sonarmap("map", *files, "-o", tmp_path / "out", "--patch-test"))
     (roll,) = re.findall(r"patch test: .*roll ([+-][\d.]+)", " ".join(result.stderr.split()))
@@ -88,13 +88,13 @@ def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
     )
     assert recorded["biases"]["roll_deg"] == pytest.approx(0.5, abs=0.05)  # of the lines as they were recorded
     assert found["after"]["all"]["p95_m"] < 0.5 * found["before"]["all"]["p95_m"]
-    # every sounding in place, the biases taken out, as the map had them
+    # soundings without the biases are those that the map was fused from
     folder = read_map_folder(tmp_path / "out")
     cloud = Cloud(folder, folder.parts[0], None, mapped_scans(folder))
     assert same_as_fused(folder, np.concatenate([portion.points for portion in cloud.portions()]))
 
 
-def test_options_that_lines_cannot_have_are_refused(survey: Survey, tmp_path: Path) -> None:
+def test_options_without_effect_on_lines_are_refused(survey: Survey, tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     log.write_text("stamp,x_m,y_m\n0,0,0\n1,1,1\n")
     file = survey_of(tmp_path, survey)[0]
@@ -118,14 +118,14 @@ def test_inspect_shows_lines(survey: Survey, tmp_path: Path) -> None:
 FILES = {"navigation.csv", "soundings.laz", "lines.json"}
 
 
-def test_files_of_lines_are_listed_and_go_with_the_next_map(mapped: Path, tmp_path: Path) -> None:
+def test_files_of_lines_are_listed_in_the_summary(mapped: Path, tmp_path: Path) -> None:
     summary = json.loads((mapped / "out" / "summary.json").read_text())
     assert set(summary["files"]) >= FILES
     assert summary["georeference"]["latitude"] == HERE.latitude
 
 
 @pytest.mark.slow
-def test_python_maps_lines_as_the_command_does(mapped: Path) -> None:
+def test_map_scans_accepts_a_folder_of_lines(mapped: Path) -> None:
     (mapped / "some").mkdir()
     for k in (1, 2):
         shutil.copy(mapped / f"{k}.gsf", mapped / "some")

@@ -39,15 +39,13 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """Of the place, of another, and of nothing but a plane."""
+    """Scans of the place, of another place, and of a plane."""
     return write(tmp_path_factory.mktemp("scans"), a_here=scan(3), b_other=scan(3, scene=2), c_flat=plane())
 
 
 @pytest.fixture(scope="module")
-def all_of_them(
-    mapped: Path, scans: list[str], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[dict[str, Any], Path]:
-    """What is printed as JSON, and the track."""
+def outcome(mapped: Path, scans: list[str], tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """The printed JSON and the path of the track."""
     track = tmp_path_factory.mktemp("out") / "track.tum"
     return printed(sonarmap("locate", mapped, *scans, *GRID, *ORIGIN, "-o", track, "--alone", "--json")), track
 
@@ -58,8 +56,8 @@ def check_pose(T: Any) -> None:
     assert error.rotation.magnitude() < np.radians(1.5)
 
 
-def test_json_of_a_scan_of_the_map_and_of_two_others(all_of_them: tuple[dict[str, Any], Path]) -> None:
-    result, _ = all_of_them
+def test_json_of_one_located_and_two_refused_scans(outcome: tuple[dict[str, Any], Path]) -> None:
+    result, _ = outcome
     assert result.keys() == {"scans", "map", "grid", "voxel", "located", "written"}
     assert (result["grid"], result["located"]) == (64, 1)
     here, other, flat = result["scans"]
@@ -81,8 +79,8 @@ def test_json_of_a_scan_of_the_map_and_of_two_others(all_of_them: tuple[dict[str
     assert "plane" in flat["reason"]
 
 
-def test_where_on_the_earth_it_was(all_of_them: tuple[dict[str, Any], Path]) -> None:
-    here = all_of_them[0]["scans"][0]
+def test_the_position_on_the_earth(outcome: tuple[dict[str, Any], Path]) -> None:
+    here = outcome[0]["scans"][0]
     world, (x, y, z) = here["world"], np.array(here["T_map_scan"])[:3, 3]
     assert world["height"] == pytest.approx(z - 3)
     assert (world["latitude"] - 60.3913) * 111_415 == pytest.approx(y, abs=0.02)  # [m] in a degree there
@@ -91,8 +89,8 @@ def test_where_on_the_earth_it_was(all_of_them: tuple[dict[str, Any], Path]) -> 
     assert 200_000 < world["easting"] < 800_000
 
 
-def test_the_track_has_the_located_scans(all_of_them: tuple[dict[str, Any], Path]) -> None:
-    result, path = all_of_them
+def test_the_track_contains_only_located_scans(outcome: tuple[dict[str, Any], Path]) -> None:
+    result, path = outcome
     assert result["written"] == str(path)
     track = read_tum(path)
     assert track.stamps.tolist() == [result["scans"][0]["stamp"]]
@@ -110,11 +108,11 @@ def test_a_scan_of_another_place_ends_with_3_and_writes_nothing(mapped: Path, sc
 
 def test_the_table_fits_a_narrow_terminal(mapped: Path, scans: list[str]) -> None:
     lines = printed_at(80, "locate", mapped, scans[0], *GRID, *ORIGIN)
-    assert max(map(len, lines[:-1])) <= 80  # the last says why
+    assert max(map(len, lines[:-1])) <= 80  # the last line is the reason
     assert any("60.39" in line for line in lines)
 
 
-def test_from_python(mapped: Path, scans: list[str]) -> None:
+def test_locate_from_python(mapped: Path, scans: list[str]) -> None:
     here, other = library.locate(mapped, [scans[0], scan(3, scene=2)], edge=64)
     assert isinstance(here, library.Located)
     assert (here.located, other.located) == (True, False)
@@ -135,7 +133,7 @@ def test_from_python(mapped: Path, scans: list[str]) -> None:
         (("--voxel", "0"), "above 0"),
     ],
 )
-def test_options_that_cannot_be_used(
+def test_invalid_options_are_refused(
     mapped: Path,
     scans: list[str],
     options: tuple[str, ...],
@@ -149,7 +147,7 @@ def test_options_that_cannot_be_used(
     assert "Traceback" not in result.stderr
 
 
-def test_what_is_no_map_or_no_scan_ends_with_2(mapped: Path, scans: list[str], tmp_path: Path) -> None:
+def test_missing_maps_and_scans_are_refused(mapped: Path, scans: list[str], tmp_path: Path) -> None:
     refused(sonarmap("locate", tmp_path, scans[0]), "summary.json")
     refused(sonarmap("locate", tmp_path / "nowhere", scans[0]), "is not a folder")
     refused(sonarmap("locate", mapped, tmp_path / "nothing.ply"), "nothing.ply")

@@ -1,4 +1,4 @@
-"""`sonarmap map` end to end: what it writes, and what becomes of what was there before."""
+"""`sonarmap map` end to end: the files that it writes, and earlier files in its folder."""
 
 import json
 import shutil
@@ -36,7 +36,7 @@ RESULTS |= {"pairs.csv", "summary.json", "times.json", "report.html", "journal.s
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four scans, and in out/ what `map` made of them."""
+    """Four scans, and their map in out/."""
     folder = tmp_path_factory.mktemp("survey")
     write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
     result = sonarmap("map", folder, "-o", folder / "out", *GRID, "--json")
@@ -45,12 +45,12 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_all_results_are_there_and_nothing_else(survey: Path) -> None:
+def test_exactly_the_result_files_are_written(survey: Path) -> None:
     assert set(files_in(survey / "out")) == RESULTS
     assert (survey / "out" / "map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
-def test_the_trajectory_the_map_and_its_pairs_are_right(survey: Path, tmp_path: Path) -> None:
+def test_trajectory_map_and_pairs_match_the_truth(survey: Path, tmp_path: Path) -> None:
     truth, out = Trajectory(np.arange(4.0), T_WORLD_SENSOR), survey / "out"
     result = evaluate(read_tum(out / "trajectory.tum"), truth, "first")
     assert result.translation_m.max() < 0.3
@@ -61,11 +61,11 @@ def test_the_trajectory_the_map_and_its_pairs_are_right(survey: Path, tmp_path: 
     plain = sonarmap("evaluate", *pair, "--json")
     assert (bool(printed(plain)), plain.stderr) == (True, "")
     options = ("--map", out / "map.ply", "--surface", surface, "--summary", out / "summary.json", "--json")
-    told = printed(sonarmap("evaluate", *pair, *options))
-    assert told["pairs"]["sequential"]["kept_right"] == 3
-    assert told["pairs"]["sequential"]["kept_wrong"] + told["pairs"]["loops"]["kept_wrong"] == 0
-    assert told["map"]["median_m"] < 0.3
-    assert told["map"]["within_voxel"] > 0.9
+    evaluation = printed(sonarmap("evaluate", *pair, *options))
+    assert evaluation["pairs"]["sequential"]["kept_right"] == 3
+    assert evaluation["pairs"]["sequential"]["kept_wrong"] + evaluation["pairs"]["loops"]["kept_wrong"] == 0
+    assert evaluation["map"]["median_m"] < 0.3
+    assert evaluation["map"]["within_voxel"] > 0.9
 
 
 def test_open3d_reads_the_map_with_its_columns(survey: Path) -> None:
@@ -90,7 +90,7 @@ def test_gtsam_reads_the_graph(survey: Path) -> None:
         np.testing.assert_allclose(values.atPose3(k).matrix(), estimate[k], atol=1e-9)
 
 
-def test_the_summary_is_strict_json_and_what_json_prints(survey: Path) -> None:
+def test_the_summary_is_strict_json_and_equals_the_printed_json(survey: Path) -> None:
     summary = strict_json((survey / "out" / "summary.json").read_text())
     assert strict_json((survey / "printed.json").read_text()) == summary
     assert summary["versions"]["numpy"] == np.__version__
@@ -102,7 +102,7 @@ def test_the_summary_is_strict_json_and_what_json_prints(survey: Path) -> None:
     assert summary["gaps"] == []
 
 
-def test_the_graph_holds_every_pair_and_the_table_too(survey: Path) -> None:
+def test_graph_json_and_pairs_csv_hold_every_pair(survey: Path) -> None:
     pairs = strict_json((survey / "out" / "graph.json").read_text())["pairs"]
     table = table_of(survey / "out" / "pairs.csv")
     assert [(row["target"], row["source"]) for row in table] == [(str(p["target"]), str(p["source"])) for p in pairs]
@@ -118,7 +118,7 @@ def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> 
     scans = [survey / f"scan_{k}.ply" for k in range(4)]
     assert sonarmap("map", *scans, "-o", tmp_path, *GRID, "--quiet").exit_code == 0
     first, second = files_in(survey / "out"), files_in(tmp_path)
-    # of the summary, and with it of the report, the inputs alone, which are the folder or its files
+    # summary and report differ only in the inputs: the folder or its files
     varying = {"summary.json", "report.html", "times.json", "journal.sqlite"}
     assert {name for name in RESULTS if first[name] != second[name]} == varying
     one, other = (json.loads(files["summary.json"]) for files in (first, second))
@@ -127,7 +127,7 @@ def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> 
     assert one == other
 
 
-def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
+def test_times_are_in_times_json(survey: Path) -> None:
     times = strict_json((survey / "out" / "times.json").read_text())
     pairs = {(int(pair["target"]), int(pair["source"])) for pair in table_of(survey / "out" / "pairs.csv")}
     assert {(pair["target"], pair["source"]) for pair in times["pairs"]} == pairs
@@ -138,7 +138,7 @@ def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
 
 
 @pytest.mark.slow
-def test_any_file_name_will_do(tmp_path: Path) -> None:
+def test_any_file_name_is_accepted(tmp_path: Path) -> None:
     write(tmp_path, **{"1 a\nb\x1b[2J": scan(0), "2 [x] $é$ 深 \udcff": scan(1)})
     result = done(sonarmap("map", tmp_path, "-o", tmp_path / "out [1] $ü", *GRID))
     assert "\x1b" not in result.stdout + result.stderr
@@ -148,7 +148,7 @@ def test_any_file_name_will_do(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def two_places(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Path, Result]:
-    """Two scans of each of two places, the folder that `map` wrote of them in all formats, and what it printed."""
+    """Paths of two scans of each of two places, the folder of their maps, and the result of the command."""
     folder = tmp_path_factory.mktemp("places")
     paths = write(folder, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
     result = sonarmap("map", *paths, "-o", folder / "out", *GRID, "--export", "mcap,g2o", "-v")
@@ -157,7 +157,7 @@ def two_places(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Pat
 
 
 @pytest.mark.slow
-def test_only_parts_of_an_earlier_run_go(two_places: tuple[list[str], Path, Result], tmp_path: Path) -> None:
+def test_only_files_of_an_earlier_run_are_removed(two_places: tuple[list[str], Path, Result], tmp_path: Path) -> None:
     paths, earlier, _ = two_places
     out = tmp_path / "out"
     shutil.copytree(earlier, out)  # its journal, too, so that nothing is registered again
@@ -168,8 +168,8 @@ def test_only_parts_of_an_earlier_run_go(two_places: tuple[list[str], Path, Resu
 
 
 @pytest.mark.slow
-def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path) -> None:
-    """The pairs are those of the run before; its map_all.ply is gone, and all its points are in the map."""
+def test_min_seen_1_puts_all_points_into_the_map(survey: Path, tmp_path: Path) -> None:
+    """Pairs come from the earlier run's journal; the points of its map_all.ply are all in map.ply."""
     shutil.copytree(survey / "out", tmp_path / "out")
     everything = read_scan(tmp_path / "out" / "map_all.ply").points
     summary = printed(sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--set", "min_seen=1", "--json"))
@@ -182,7 +182,7 @@ def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
+def test_an_earlier_map_is_not_used_as_a_scan(tmp_path: Path) -> None:
     paths = write(tmp_path, a=scan(0), b=scan(1))
     assert sonarmap("map", tmp_path, "-o", tmp_path, *GRID).exit_code == 0
     before = files_in(tmp_path)
@@ -194,7 +194,7 @@ def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_further_formats_are_written(two_places: tuple[list[str], Path, Result]) -> None:
+def test_exports_are_written_for_each_map(two_places: tuple[list[str], Path, Result]) -> None:
     _, out, result = two_places
     names = ["map.mcap", "map_2.mcap", "graph.csv"]
     second = ["map_2.ply", "map_all_2.ply", "map_2.png", "trajectory_2.tum"]

@@ -14,7 +14,7 @@ from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, scan, so
 
 GRID = ("--grid", "64", "--no-report")
 SCANS = 8
-# places in scans of which the coordinates are computed from the truth [m]
+# scan -> point picked in it [m, sensor frame]; the truth gives its world coordinates
 PICKED = {0: (6.0, 3.0, -2.0), 2: (5.0, -4.0, 1.0), 5: (7.0, 2.0, -3.0), 7: (4.0, 5.0, 0.5), 4: (3.0, -2.0, -1.0)}
 
 
@@ -28,20 +28,20 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def out(dive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map without a hand in it; the tests go on from its journal."""
+    """A map without manual constraints; the tests continue from its journal."""
     folder = tmp_path_factory.mktemp("map")
     assert sonarmap("map", dive, "-o", folder, *GRID).exit_code == 0
     return folder
 
 
 def registered(out: Path) -> tuple[int, int]:
-    """Pairs of the last run, and those that were not from the journal."""
+    """Numbers of pairs of the last run, and of those not from the journal."""
     times = json.loads((out / "times.json").read_text())
     return len(times["pairs"]), len(times["pairs"]) - times["pairs_from_journal"]
 
 
 @pytest.mark.slow
-def test_verdicts_register_nothing_again(dive: Path, out: Path, tmp_path: Path) -> None:
+def test_manual_verdicts_register_no_pair_again(dive: Path, out: Path, tmp_path: Path) -> None:
     before = table_of(out / "pairs.csv")
     loop = next(row for row in before if row["role"] == "loop")
     pair = f"{loop['target']},{loop['source']}"
@@ -56,14 +56,14 @@ def test_verdicts_register_nothing_again(dive: Path, out: Path, tmp_path: Path) 
         row = next(row for row in rows if f"{row['target']},{row['source']}" == pair)
         assert row["kept"] == kept
         assert "by hand" in row["reason"]
-        (told,) = json.loads((out / "summary.json").read_text())["ties"]
-        assert set(told) == {"target", "source", "verdict", "note", "effect"}
-        assert (told["verdict"], told["note"]) == (verdict, "because")
-        assert told["target"] == f"scan_{int(loop['target']):03}"
+        (tie,) = json.loads((out / "summary.json").read_text())["ties"]
+        assert set(tie) == {"target", "source", "verdict", "note", "effect"}
+        assert (tie["verdict"], tie["note"]) == (verdict, "because")
+        assert tie["target"] == f"scan_{int(loop['target']):03}"
 
 
 def control_file(folder: Path, dive: Path, off: float = 0.0, check: int = 4) -> Path:
-    """Points with errors of 5 cm, one to check with, one `off` by a blunder [m]."""
+    """Points with errors of 5 cm; that of scan `check` is a check point, that of scan 5 is `off` by a blunder [m]."""
     truth, rng = read_tum(dive / "truth.tum").T_world_sensor, np.random.default_rng(3)
     rows = ["name,scan,x_m,y_m,z_m,east_m,north_m,up_m,sigma_m,use"]
     for k, picked in PICKED.items():
@@ -76,7 +76,7 @@ def control_file(folder: Path, dive: Path, off: float = 0.0, check: int = 4) -> 
 
 
 @pytest.mark.slow
-def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_path: Path) -> None:
+def test_control_points_place_the_map_in_the_world(dive: Path, out: Path, tmp_path: Path) -> None:
     control = control_file(tmp_path, dive)
     world = ("--control", control, "--origin", "60.3913,5.3221", "--export", "laz")
     result = done(sonarmap("map", dive, "-o", out, *GRID, *world))
@@ -105,7 +105,7 @@ def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_pa
 
 @pytest.mark.slow
 def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
-    """Nothing says how the second lies to the first but what its scans look like; each has a layer of its own."""
+    """Only its scans relate the second survey to the first; each survey has its own layer."""
     for name, members in (("a", (0, 1)), ("b", (2, 3))):
         (tmp_path / name).mkdir()
         write(tmp_path / name, **{f"scan_{k}": scan(k) for k in members})

@@ -1,5 +1,5 @@
-"""`sonarmap map` killed at random moments, done by several workers, or given more scans: the same bytes, and no pair
-that was done is done again."""
+"""`sonarmap map` killed at random moments, with several workers, or with more scans: the files have the same bytes, and
+no finished pair is registered again."""
 
 import json
 import os
@@ -27,17 +27,17 @@ VARYING = {"times.json", "journal.sqlite", "journal.sqlite-journal"}
 
 
 def start(scans: Path, out: Path, *options: str) -> subprocess.Popen[str]:
-    """The command, at the head of a process group."""
+    """Start the command as the head of a process group."""
     command, pipe = [*SONARMAP, "map", str(scans), "-o", str(out), *GRID, *options], subprocess.PIPE
     return subprocess.Popen(command, cwd=ROOT, text=True, start_new_session=True, stdout=pipe, stderr=pipe)
 
 
 def run(scans: Path, out: Path, *options: str) -> tuple[dict[str, bytes], float]:
-    """What it wrote that is the same whenever it is run, and how long it took [s]."""
+    """Run the command; the files that every run writes identically, and the time it took [s]."""
     begin = time.perf_counter()
     mapping = start(scans, out, *options)
-    _, told = mapping.communicate()
-    assert mapping.returncode == 0, told
+    _, errors = mapping.communicate()
+    assert mapping.returncode == 0, errors
     return results(out), time.perf_counter() - begin
 
 
@@ -46,7 +46,7 @@ def results(out: Path) -> dict[str, bytes]:
 
 
 def computed(out: Path) -> list[int]:
-    """Of every pair that the journal holds, how many times it was registered."""
+    """How many times each pair in the journal was registered."""
     with sqlite3.connect(out / "journal.sqlite") as database:
         counts = [count for (count,) in database.execute("SELECT computed FROM entry")]
     database.close()
@@ -54,7 +54,7 @@ def computed(out: Path) -> list[int]:
 
 
 def entries(out: Path) -> int:
-    """How many results the locked journal of a run holds; the last may be written, but not yet committed."""
+    """Number of results in the locked journal of a run; the last may not be committed yet."""
     try:
         with sqlite3.connect(f"file:{out / 'journal.sqlite'}?mode=ro&immutable=1", uri=True) as database:
             return database.execute("SELECT count(*) FROM entry").fetchone()[0]
@@ -68,7 +68,7 @@ def times(out: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twelve of a flood gate."""
+    """Twelve scans of a flood gate."""
     folder = tmp_path_factory.mktemp("scans")
     write_simulation(simulate(SimulationSettings(count=12, seed=33)), folder)
     return folder
@@ -86,7 +86,7 @@ pytestmark = pytest.mark.timeout(3000)
 
 @pytest.fixture(scope="module")
 def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four small scans, and in out/ what an undisturbed run made of them."""
+    """Four small scans, and in out/ the map of an undisturbed run."""
     folder = tmp_path_factory.mktemp("clutter")
     write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
     assert sonarmap("map", folder, "-o", folder / "out", *CLUTTER).exit_code == 0
@@ -102,7 +102,7 @@ def test_two_workers_give_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["folder", "link"])
-def test_pickles_that_lie_where_workers_read_scans_are_never_read(clutter: Path, tmp_path: Path, kind: str) -> None:
+def test_pickles_in_the_folder_of_the_workers_scans_are_never_loaded(clutter: Path, tmp_path: Path, kind: str) -> None:
     """Left by a killed run of an earlier version, or put there by someone else; the run goes on from its journal."""
     out, theirs, harmed = tmp_path / "out", tmp_path / "theirs", tmp_path / "harmed"
     theirs.mkdir()
@@ -123,9 +123,9 @@ def test_pickles_that_lie_where_workers_read_scans_are_never_read(clutter: Path,
 
 
 @pytest.mark.slow
-def test_killed_at_random_moments_it_ends_with_the_same_bytes(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
-    """By SIGKILL, the whole process group; with one worker or two, as drawn. A survey that is done before the 20 kills
-    are is compared and begun anew."""
+def test_killed_at_random_moments_map_gives_the_same_bytes(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
+    """SIGKILL ends the process group, which has one or two workers at random. A survey that ends before the 20 kills
+    are done is compared, and another one is started."""
     rng = np.random.default_rng(SEED)
     expected, least = results(undisturbed), len(computed(undisturbed))
     _, whole = run(scans, tmp_path / "timed")
@@ -134,13 +134,13 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(scans: Path, undis
         patience = rng.uniform(0.0, whole) if kills < KILLS else None
         mapping = start(scans, outs[-1], "--workers", str(rng.integers(1, 3)))
         try:
-            _, told = mapping.communicate(timeout=patience)
+            _, errors = mapping.communicate(timeout=patience)
         except subprocess.TimeoutExpired:
             os.killpg(mapping.pid, signal.SIGKILL)
             mapping.communicate()
             kills += 1
             continue
-        assert mapping.returncode == 0, told
+        assert mapping.returncode == 0, errors
         assert results(outs[-1]) == expected
         counts = computed(outs[-1])
         assert len(counts) == least
@@ -156,7 +156,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(scans: Path, undis
 
 
 @pytest.mark.slow
-def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
+def test_another_scan_registers_no_finished_pair_again(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
     fewer = tmp_path / "fewer"
     fewer.mkdir()
     for k in range(11):
@@ -177,7 +177,7 @@ def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_p
 @pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("workers", ["1", "2"])
-def test_stopped_it_goes_on(scans: Path, undisturbed: Path, tmp_path: Path, sent: signal.Signals, workers: str) -> None:
+def test_stop_and_resume(scans: Path, undisturbed: Path, tmp_path: Path, sent: signal.Signals, workers: str) -> None:
     mapping = start(scans, tmp_path, "--workers", workers)
     counted: set[int] = set()
     while len(counted - {0, 1}) < 2:  # once the next piece of work is in the journal, the one before has been counted
@@ -185,18 +185,18 @@ def test_stopped_it_goes_on(scans: Path, undisturbed: Path, tmp_path: Path, sent
         assert mapping.poll() is None
         counted.add(entries(tmp_path))
     os.killpg(mapping.pid, sent) if sent == signal.SIGINT else mapping.send_signal(sent)
-    printed, told = mapping.communicate()
+    printed, errors = mapping.communicate()
     assert (mapping.returncode, printed) == (130, "")
-    assert "done and kept in" in told.splitlines()[-1]
-    assert told.endswith("journal.sqlite; the same command continues from there\n")
-    assert "Traceback" not in told
+    assert "done and kept in" in errors.splitlines()[-1]
+    assert errors.endswith("journal.sqlite; the same command continues from there\n")
+    assert "Traceback" not in errors
     assert _is_gone(mapping.pid)
     assert run(scans, tmp_path)[0] == results(undisturbed)
     assert max(computed(tmp_path)) == 1
 
 
 def _is_gone(group: int) -> bool:
-    """Whether no process of a group is left within a minute: Python's own, which looks after the others, ends last."""
+    """Whether all processes of a group end within a minute; the resource tracker of Python ends last."""
     for _ in range(600):
         try:
             os.killpg(group, 0)

@@ -1,4 +1,4 @@
-"""Navigation from the command line: logs, their options, the template; fixes with wrong ones among them; odometry."""
+"""Navigation from the command line: logs, their options, the template, simulated priors, and contradictions."""
 
 import csv
 import json
@@ -42,7 +42,7 @@ def write_table(path: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
-def test_a_log_is_understood_by_the_options(folder: Path, seen: list[Scan]) -> None:
+def test_options_define_how_a_log_is_read(folder: Path, seen: list[Scan]) -> None:
     options = ("--nav-columns", "depth_m=KP_DEPTH", "--nav-offset=-37", "--mount", "0,0,0,0,0,0.5", "--grid", "16")
     result = sonarmap("map", folder, "-o", folder / "out", "--priors", folder / "log.csv", *SIGMAS, *options)
     said(result, "enough", "not used: the columns 'Note'", "origin is the first fix, rounded: 60.39130, 5.32210")
@@ -52,7 +52,7 @@ def test_a_log_is_understood_by_the_options(folder: Path, seen: list[Scan]) -> N
 
 
 @pytest.mark.slow
-def test_the_summary_says_how_it_was_understood(folder: Path) -> None:
+def test_the_summary_holds_the_options_of_the_log(folder: Path) -> None:
     pair = (folder / "scan_0.ply", folder / "scan_2.ply")
     (folder / "log.csv").write_text("File;Lat;Lon;Heading\nscan_0;60.5;5.25;90\nscan_2;60.5;5.25;90\n")
     options = ("--priors", folder / "log.csv", *SIGMAS, "--heading-reference", "grid", "--nav-crs", "EPSG:32632")
@@ -76,7 +76,7 @@ def test_the_summary_says_how_it_was_understood(folder: Path) -> None:
         (("--mount", "1,2"), ["--mount is '1,2'", "--mount 0,-30,0"]),
     ],
 )
-def test_options_that_cannot_be(folder: Path, options: tuple[str, ...], words: list[str]) -> None:
+def test_invalid_options_are_refused(folder: Path, options: tuple[str, ...], words: list[str]) -> None:
     refused(sonarmap("map", folder, "-o", folder / "out", "--priors", folder / "log.csv", *SIGMAS, *options), *words)
     pair = (folder / "scan_0.ply", folder / "scan_1.ply")
     said(sonarmap("register", *pair, "--priors", folder / "log.csv", *SIGMAS, *options), words[0])
@@ -91,7 +91,7 @@ def test_options_that_cannot_be(folder: Path, options: tuple[str, ...], words: l
         ("simulate -o sim --fix-every 3", "no effect without --priors position"),
     ],
 )
-def test_options_without_effect(tmp_path: Path, line: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unused_options_are_refused(tmp_path: Path, line: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "scans", a=scan(0), b=scan(1))
     refused(sonarmap(*line.split()), *words.split("; "))
@@ -126,7 +126,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TestSimulated:
-    def test_only_the_option_makes_a_difference_and_the_same_seed_none(self, simulated: Path, tmp_path: Path) -> None:
+    def test_priors_add_only_priors_csv_and_the_seed_fixes_all_files(self, simulated: Path, tmp_path: Path) -> None:
         for name, options in (("bare", ()), ("again", ("--priors", "all"))):
             assert sonarmap("simulate", *SMALL, "--seed", "9", *options, "-o", tmp_path / name).exit_code == 0
         bare, again, first = files_in(tmp_path / "bare"), files_in(tmp_path / "again"), files_in(simulated)
@@ -140,7 +140,7 @@ class TestSimulated:
         refused(result, words, "attitude,heading,depth,position")
         assert not (tmp_path / "out").exists()
 
-    def test_priors_of_other_scans_are_not_left_beside_these(self, simulated: Path, tmp_path: Path) -> None:
+    def test_priors_of_other_scans_in_the_folder_are_refused(self, simulated: Path, tmp_path: Path) -> None:
         (tmp_path / "priors.csv").write_bytes((simulated / "priors.csv").read_bytes())
         result = sonarmap("simulate", *SMALL, "--seed", "8", "-o", tmp_path)
         refused(result, "priors.csv, which does not belong to these scans", "remove it")
@@ -155,7 +155,7 @@ class TestVerbs:
         (tmp_path / "nav.csv").write_text(NAV + "scan_0.ply,5,90,2\nscan_2,7,80,2\n")
         return tmp_path
 
-    def test_a_map_is_made_of_scans_with_priors(self, folder: Path, seen: list[Scan]) -> None:
+    def test_map_reads_scans_with_priors(self, folder: Path, seen: list[Scan]) -> None:
         options = ("--priors", folder / "nav.csv", "--prior-sigmas", "0.5,3,0.25,4", "--grid", "16")
         result = sonarmap("map", folder, "-o", folder / "out", *options)
         said(result, "enough", "1 of 3 scans have no prior", "scan_1")
@@ -165,7 +165,7 @@ class TestVerbs:
         assert first is not None
         np.testing.assert_allclose(first.sigmas, [np.inf, np.inf, np.deg2rad(2), np.inf, np.inf, 0.25])
 
-    def test_two_scans_are_registered_with_priors(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_register_reads_scans_with_priors(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         seen: list[Scan] = []
 
         def prepare(_: SpectralRegistrar, one: Scan) -> None:
@@ -179,14 +179,14 @@ class TestVerbs:
         said(result, "enough", "1 of 2 scans have no prior")
         assert [one.prior and float(one.prior.T_world_sensor.translation[2]) for one in seen] == [-7, None]
 
-    def test_a_map_wants_every_row_to_be_of_a_scan(self, folder: Path) -> None:
+    def test_map_refuses_a_row_of_an_unknown_scan(self, folder: Path) -> None:
         (folder / "nav.csv").write_text(NAV + "scan_0,5,90,2\nscan_7,7,80,2\n")
         options = ("--priors", folder / "nav.csv", "--prior-sigmas", "1,1,1,1")
         refused(sonarmap("map", folder, "-o", folder / "out", *options), "nav.csv: line 3", "'scan_7'")
         assert not (folder / "out").exists()
 
     @pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "1,2,3,0", "1,2,3,nan", "1,2,3,inf", "a,2,3,4", ""])
-    def test_default_sigmas_that_will_not_do(self, folder: Path, text: str) -> None:
+    def test_invalid_default_sigmas_are_refused(self, folder: Path, text: str) -> None:
         pair = (folder / "scan_0.ply", folder / "scan_1.ply")
         result = sonarmap("register", *pair, "--priors", folder / "nav.csv", "--prior-sigmas", text)
         refused(result, "four numbers above 0", "--prior-sigmas 0.5,3,0.1,3")
@@ -205,7 +205,7 @@ class TestVerbs:
         ("--scans 1 --quiet --set noise.ghosts=1", ["ghosts is"]),
     ],
 )
-def test_what_would_not_be_heeded_or_cannot_be_is_refused(tmp_path: Path, options: str, words: list[str]) -> None:
+def test_simulate_refuses_invalid_and_unused_options(tmp_path: Path, options: str, words: list[str]) -> None:
     refused(sonarmap("simulate", *options.split(), "-o", tmp_path / "out"), *words)
     assert not (tmp_path / "out").exists()
 
@@ -216,12 +216,12 @@ def scans_with(values: np.ndarray) -> list[Scan]:
 
 
 def free_pairs(truth: np.ndarray, numbers: Sequence[int]) -> list[RegisteredPair]:
-    """Consecutive scans as the truth has them."""
+    """Pairs of consecutive scans, registered without error."""
     poses = poses_of(truth)
     return [step_pair(k, poses[k].inv() * poses[k + 1], TIGHT) for k in numbers]
 
 
-def test_a_mistake_is_named_and_refused() -> None:
+def test_a_heading_of_opposite_sign_is_named_and_refused() -> None:
     rng = np.random.default_rng(1)
     truth = path(rng, 60)
     values, free = measured(truth, rng), free_pairs(truth, range(0, 45, 3))

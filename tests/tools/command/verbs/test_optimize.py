@@ -1,4 +1,4 @@
-"""`sonarmap optimize` end to end: what it tells, what it writes, what it refuses."""
+"""`sonarmap optimize` end to end: its summary, its files, and what it refuses."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ KEYS |= {"distance", "repaired"}
 
 
 def ring(seed: int = 0, loops: bool = True) -> PoseGraph:
-    """Twelve poses in a ring, noisy, from the chain."""
+    """A graph of twelve poses in a ring with noisy edges, started from the chain."""
     rng = np.random.default_rng(seed)
     T = ring_poses(12)
     pairs = [(k, k + 1) for k in range(11)] + ([(11, 0), (2, 8), (3, 9), (9, 4)] if loops else [])
@@ -44,21 +44,21 @@ def source(tmp_path: Path) -> Path:
     return tmp_path / "in.g2o"
 
 
-def told(source: Path, *options: str) -> dict:
+def summary_of(source: Path, *options: str) -> dict:
     return printed(sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--json", *options))
 
 
 @pytest.fixture
 def wrong_loop(source: Path) -> Path:
-    """The ring with one that is 40 m off, before its other edges."""
+    """The ring with a loop that is 40 m off, before its other edges."""
     graph = read_g2o(source)
     wrong = edge(1, 6, RigidTransform.from_translation([40.0, -3, 2]), np.eye(6) * 1e-3, "loop")
     write_g2o(source, PoseGraph(graph.trajectory, (wrong, *graph.edges)))
     return source
 
 
-def test_the_full_objective_tells_all(source: Path) -> None:
-    summary = told(source, "--both")
+def test_the_full_objective_reports_every_field(source: Path) -> None:
+    summary = summary_of(source, "--both")
     assert set(summary) == KEYS
     assert (summary["poses"], summary["edges"], summary["components"]) == (12, 15, 1)
     assert summary["degrees_of_freedom"] == 6 * (15 - 11)
@@ -74,7 +74,7 @@ def test_the_full_objective_tells_all(source: Path) -> None:
     assert written.chi_squared == pytest.approx(read_g2o(source).optimize().chi_squared_after, rel=1e-6)
 
 
-def test_an_information_that_is_indefinite_is_repaired_and_told(source: Path) -> None:
+def test_an_indefinite_information_is_repaired_and_reported(source: Path) -> None:
     lines = source.read_text().splitlines()
     number = next(n for n, line in enumerate(lines) if line.startswith("EDGE_SE3:QUAT 2 8"))
     fields = lines[number].split()
@@ -84,7 +84,7 @@ def test_an_information_that_is_indefinite_is_repaired_and_told(source: Path) ->
     out = source.parent / "out.g2o"
     said(sonarmap("optimize", source, "-o", out), f"line {number + 1}", "not positive definite", "--repair")
     assert not out.exists()
-    summary = told(source, "--repair")
+    summary = summary_of(source, "--repair")
     (words,) = summary["repaired"]
     assert f"line {number + 1}, edge 2 8: 1 of the 6 eigenvalues of its information raised" in words
     again = read_g2o(out)  # which would refuse the edge
@@ -99,20 +99,20 @@ def test_an_information_that_is_indefinite_is_repaired_and_told(source: Path) ->
 
 
 def test_the_isotropic_objective_is_certified_and_compared(source: Path) -> None:
-    summary = told(source, "--objective", "isotropic", "--both")
+    summary = summary_of(source, "--objective", "isotropic", "--both")
     assert summary["certificate"]["verdict"] == "certified"
     assert summary["certificate"]["gap"] <= 1e-6 * summary["cost_after"]
     written = read_g2o(source.parent / "out.g2o")
     problem = ChordalProblem.of(12, written.edges)
     assert problem.cost(written.trajectory.T_world_sensor) == pytest.approx(summary["cost_after"], rel=1e-9)
-    there, back = summary["distance"], told(source, "--both")["distance"]
+    there, back = summary["distance"], summary_of(source, "--both")["distance"]
     assert (there.pop("to"), back.pop("to")) == ("full", "isotropic")
     assert there == pytest.approx(back, rel=1e-6)
     assert 0 < there["translation_rms_m"] < there["translation_max_m"] < 1
-    assert told(source)["distance"] is None
+    assert summary_of(source)["distance"] is None
 
 
-def test_all_but_the_poses_stays_as_it_is(tmp_path: Path) -> None:
+def test_lines_other_than_poses_are_unchanged(tmp_path: Path) -> None:
     write_g2o(tmp_path / "a.g2o", ring())
     lines = (tmp_path / "a.g2o").read_text().splitlines()
     ids = [line.replace("SE3:QUAT 1 ", "SE3:QUAT 700 ").replace(" 1 2 ", " 700 2 ", 1) for line in lines]
@@ -131,9 +131,9 @@ def test_all_but_the_poses_stays_as_it_is(tmp_path: Path) -> None:
     np.testing.assert_allclose(*fixed, atol=1e-5)
 
 
-def test_a_wrong_loop_is_left_out_named_and_listed_at_80_columns(wrong_loop: Path) -> None:
+def test_a_wrong_loop_is_rejected_and_listed_at_80_columns(wrong_loop: Path) -> None:
     graph, source = read_g2o(wrong_loop), wrong_loop
-    (out,) = [one for one in told(source, "--robust")["loops"] if one["verdict"] == "rejected"]
+    (out,) = [one for one in summary_of(source, "--robust")["loops"] if one["verdict"] == "rejected"]
     assert (out["i"], out["j"], out["kind"]) == (1, 6, "loop")
     assert out["sigmas"] > 100
     assert "rejected" in out["reason"]
@@ -141,7 +141,7 @@ def test_a_wrong_loop_is_left_out_named_and_listed_at_80_columns(wrong_loop: Pat
     result = sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--robust")
     assert "1 edge, left out" in result.stdout
     assert "1 - 6" in result.stdout
-    assert len([one for one in told(source)["loops"] if one["verdict"] == "accepted"]) == 5
+    assert len([one for one in summary_of(source)["loops"] if one["verdict"] == "accepted"]) == 5
     lines = printed_at(80, "optimize", source, "-o", source.parent / "out.g2o", "--robust")
     assert max(map(len, lines[: lines.index("")])) <= 80
     assert not any("…" in line for line in lines)
@@ -151,7 +151,7 @@ def test_a_wrong_loop_is_left_out_named_and_listed_at_80_columns(wrong_loop: Pat
     assert any(line.startswith(("The poses fit", "The edges contradict")) for line in lines)
 
 
-def test_what_optimizing_cannot_change_is_told(tmp_path: Path) -> None:
+def test_graphs_that_optimizing_does_not_change_are_reported(tmp_path: Path) -> None:
     tree = ring(loops=False)
     weak = edge(11, 0, RigidTransform.identity(), np.eye(6) * 1e12, "loop")
     graphs = {
@@ -167,7 +167,7 @@ def test_what_optimizing_cannot_change_is_told(tmp_path: Path) -> None:
         assert ("warning" in result.stderr) == bool(words)
 
 
-def test_parts_are_named_by_line_and_vertices(tmp_path: Path) -> None:
+def test_unconnected_parts_are_refused_with_line_and_vertices(tmp_path: Path) -> None:
     graph = ring()
     write_g2o(tmp_path / "in.g2o", PoseGraph(graph.trajectory, graph.edges[:4] + graph.edges[5:10]))
     result = sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o")
@@ -188,16 +188,16 @@ def test_bad_options(source: Path, options: tuple[str, ...], words: str, monkeyp
     refused(sonarmap("optimize", "in.g2o", *options), words)
 
 
-def test_one_pose_and_two_fixed(tmp_path: Path, source: Path) -> None:
+def test_a_single_pose_and_two_fixed_vertices_are_refused(tmp_path: Path, source: Path) -> None:
     (tmp_path / "one.g2o").write_text("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n")
     said(sonarmap("optimize", tmp_path / "one.g2o", "-o", tmp_path / "out.g2o"), "nothing to optimize")
     source.write_text(source.read_text() + "FIX 0 3\n")
     result = sonarmap("optimize", source, "-o", tmp_path / "out.g2o", "--objective", "isotropic")
     refused(result, "2 vertices are fixed")
-    assert "2 vertices are fixed" in told(source, "--both")["distance"]["reason"]
+    assert "2 vertices are fixed" in summary_of(source, "--both")["distance"]["reason"]
 
 
-def test_an_optimizer_that_does_not_come_to_rest_says_so(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_optimizer_that_does_not_converge_is_reported(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarmap.slam.optimize.chordal._MAX_ITERATIONS", 1)
     out = source.parent / "out.g2o"
     result = sonarmap("optimize", source, "-o", out, "--objective", "isotropic", "--start", "given")
@@ -209,8 +209,8 @@ def test_an_optimizer_that_does_not_come_to_rest_says_so(source: Path, monkeypat
 @pytest.mark.quick_cases(1)
 @needs_graphs
 @pytest.mark.parametrize("name", sorted(BEST, reverse=True))
-def test_benchmarks(name: str, tmp_path: Path) -> None:
+def test_benchmarks_reach_the_best_known_cost(name: str, tmp_path: Path) -> None:
     (tmp_path / "in.g2o").symlink_to(GRAPHS / f"{name}.g2o")
-    summary = told(tmp_path / "in.g2o", "--objective", "isotropic")
+    summary = summary_of(tmp_path / "in.g2o", "--objective", "isotropic")
     assert summary["cost_after"] == pytest.approx(BEST[name], rel=1e-6)
     assert summary["certificate"]["verdict"] == "certified"

@@ -53,7 +53,7 @@ def in_formats(folder: Path, tables: list[np.ndarray], stamps: list[float], reco
     return bags | {name: folder / name for name in ("laz", "ply")}
 
 
-def test_a_bag_that_is_a_folder_is_inspected_as_its_file_is(dives: dict[str, Path]) -> None:
+def test_inspect_shows_the_same_for_a_bag_folder_and_its_file(dives: dict[str, Path]) -> None:
     folder = printed(sonarmap("inspect", dives["ros2"], "--json"))
     (file,) = dives["ros2"].glob("*.db3")
     alone = printed(sonarmap("inspect", file, "--json"))
@@ -64,7 +64,7 @@ def test_a_bag_that_is_a_folder_is_inspected_as_its_file_is(dives: dict[str, Pat
 
 
 @pytest.mark.slow
-def test_the_same_dive_is_one_map(dives: dict[str, Path], tmp_path: Path) -> None:
+def test_all_formats_of_a_dive_give_the_same_map(dives: dict[str, Path], tmp_path: Path) -> None:
     maps, tracks = {}, {}
     for kind, path in dives.items():
         done(sonarmap("map", path, "-o", tmp_path / kind, *GRID, "--quiet"))
@@ -82,7 +82,7 @@ def test_the_same_dive_is_one_map(dives: dict[str, Path], tmp_path: Path) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["mcap", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("ros1", "ros2"))])
-def test_odometry_of_the_recording(dives: dict[str, Path], tmp_path: Path, kind: str) -> None:
+def test_odometry_is_read_from_the_recording(dives: dict[str, Path], tmp_path: Path, kind: str) -> None:
     options = ("--odometry", f"{dives[kind]}::/odom", "--odometry-drift", "1,10")
     done(sonarmap("map", dives[kind], "-o", tmp_path / "out", *GRID, *options, "--quiet"))
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

@@ -30,7 +30,7 @@ T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
 
 
 def as_json(*arguments: str | Path) -> dict[str, Any]:
-    """What registering two scans on the small grid prints."""
+    """JSON that `register` prints for two scans on the small grid."""
     return printed(sonarmap("register", *arguments, *GRID, "--json"))
 
 
@@ -39,7 +39,7 @@ def check_transform(found: dict[str, Any]) -> None:
     assert pair_error(RigidTransform.from_matrix(found["T_target_source"]), T_TRUE).within(1.0, found["voxel"])
 
 
-def test_a_good_pair_as_json(pair: list[str]) -> None:
+def test_an_accepted_pair_as_json(pair: list[str]) -> None:
     begun = perf_counter()
     result = sonarmap("register", *pair, *GRID, "--json")
     taken = perf_counter() - begun
@@ -61,24 +61,24 @@ def test_a_good_pair_as_json(pair: list[str]) -> None:
     assert (paper["probability"], paper["alternatives"]) == (None, [])
 
 
-def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
-    def one(x: float, probability: float, *others: Registration) -> Registration:
+def test_alternatives_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    def result_at(x: float, probability: float, *others: Registration) -> Registration:
         T = RigidTransform.from_translation([x, 0, 0])
         return Registration(T, np.eye(6), 50.0, 0.5, True, 0.1, "so", probability, alternatives=others)
 
     chosen = ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
-    found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
+    found = result_at(1, 0.934, result_at(2, 0.05), result_at(3, float("nan")))
     listed: dict[str, Any] = to_json(_as_json(found, chosen))
     assert listed["probability"] == 0.934
     others = listed["alternatives"]
     assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
-    told = {2: "2 transforms could not be excluded", 1: "1 transform could not", 0: "every other transform could be"}
+    counted = {2: "2 transforms could not be excluded", 1: "1 transform could not", 0: "every other transform could be"}
 
     def words_of(**changed: Any) -> str:
         print_registration(replace(found, **changed), chosen)
         return capsys.readouterr().out
 
-    for count, words in told.items():
+    for count, words in counted.items():
         shown = " ".join(words_of(alternatives=found.alternatives[:count]).split())
         assert "this transform is right with a probability of 93.4%" in shown
         assert words in shown
@@ -89,7 +89,7 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert unknown.startswith(f"{refusal}\n")
 
 
-def test_a_good_pair_in_words(pair: list[str]) -> None:
+def test_an_accepted_pair_in_words(pair: list[str]) -> None:
     result = sonarmap("register", *pair, *GRID)
     assert (result.exit_code, result.stderr) == (0, "")
     lines = result.stdout.splitlines()
@@ -127,7 +127,7 @@ def test_the_transform_in_words(shift: list[float], turn: list[float], words: st
         assert words in transform_words(RigidTransform.from_components(shift, R))
 
 
-def test_two_scans_of_different_places_are_refused_and_none_is_moved(tmp_path: Path) -> None:
+def test_scans_of_different_places_are_refused_and_not_written(tmp_path: Path) -> None:
     pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
     result = sonarmap("register", *pair, *GRID, "--json", "-o", tmp_path / "moved.ply")
     found = printed(result, 3)
@@ -137,7 +137,7 @@ def test_two_scans_of_different_places_are_refused_and_none_is_moved(tmp_path: P
     assert set(files_in(tmp_path)) == {"here.ply", "there.ply"}
 
 
-def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_path: Path) -> None:
+def test_nonfinite_points_are_dropped_with_a_warning_on_stderr(tmp_path: Path) -> None:
     source = scan(1)
     source[::7, 0] = np.nan
     source[3::50, 2] = -np.inf
@@ -148,8 +148,8 @@ def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_pat
     said(result, "source.ply", f"dropped {bad:,} of 7,200 points that are NaN or infinite")
 
 
-def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: pytest.CaptureFixture[str]) -> None:
-    """An ellipsoid of 0.3 m, 0.1 m and 0.1 m that lies across the axes: along none of them is it 0.3 m."""
+def test_the_uncertainty_of_the_worst_direction_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Semi-axes of 0.3, 0.1 and 0.1 m, oblique to the coordinate axes; along none of these is sigma 0.3 m."""
     turn = Rotation.from_euler("ZYX", [40, 30, 20], degrees=True).as_matrix()
     covariance = np.zeros((6, 6))
     covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
@@ -161,7 +161,7 @@ def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: 
     assert "0.300 m and 2.00° in the worst direction" in capsys.readouterr().out
 
 
-def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
+def test_missing_strengths_are_refused_or_reported(pair: list[str], tmp_path: Path) -> None:
     refused(
         sonarmap("register", *pair, *GRID, "--set", "use_strength=true"), "no scan has echo strengths", "Leave it out"
     )
@@ -172,7 +172,7 @@ def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) 
 
 @pytest.fixture
 def strong_pair(tmp_path: Path) -> list[str]:
-    """Seen from two places, the second with strengths."""
+    """Two scans of one scene, the second with strengths."""
     target = write(tmp_path, target=scan(0))
     write_ply(tmp_path / "source.ply", scan(1), {"intensity": np.linspace(0, 1, 7200, dtype=np.float32)})
     return [*target, str(tmp_path / "source.ply")]
@@ -192,7 +192,7 @@ def test_the_moved_scan_lies_on_the_target(strong_pair: list[str], tmp_path: Pat
     np.testing.assert_array_equal(read.strength, np.linspace(0, 1, 7200, dtype=np.float32))
 
 
-def test_it_is_moved_by_the_transform_that_is_printed(strong_pair: list[str], tmp_path: Path) -> None:
+def test_the_written_scan_is_moved_by_the_printed_transform(strong_pair: list[str], tmp_path: Path) -> None:
     moved = tmp_path / "sub" / "moved.ply"
     printed = json.loads(sonarmap("register", *strong_pair, *GRID, "--json", "-o", moved).stdout)
     assert printed["written"] == str(moved)
@@ -218,13 +218,13 @@ def test_viewpoints_move_with_the_points(tmp_path: Path) -> None:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["moved.xyz", "moved", "moved.pcd"])
-def test_a_format_that_is_not_written_is_refused_at_once(tmp_path: Path, name: str) -> None:
+def test_unsupported_output_formats_are_refused_at_once(tmp_path: Path, name: str) -> None:
     result = sonarmap("register", "missing.ply", "missing.ply", "-o", tmp_path / name)
     assert result.stdout == ""
     refused(result, name, "give a name that ends in .ply, as in -o moved.ply")
 
 
-def test_what_cannot_be_written_is_refused_and_no_input_replaced(strong_pair: list[str], tmp_path: Path) -> None:
+def test_unwritable_outputs_are_refused_and_inputs_are_kept(strong_pair: list[str], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "linked.ply").symlink_to(strong_pair[0])
     before, replaces = files_in(tmp_path), ("error: ", "would replace", "give another name")

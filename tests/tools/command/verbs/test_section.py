@@ -27,19 +27,19 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def placed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One whose place is known."""
+    """A map whose place on the Earth is known."""
     return finished_map(tmp_path_factory.mktemp("maps") / "placed", georeference=HERE)
 
 
 def near(folder: Map, width: float) -> np.ndarray:
-    """The points by the line of LINE, by another way: complex numbers."""
+    """Points of the map within `width` [m] of LINE, computed with complex numbers."""
     points = folder.parts[0].points
     turned = (points[:, 0] + 1j * points[:, 1] - (-4 - 1j)) / (8 + 3j)
     length = np.hypot(8, 3)
     return points[(turned.real >= 0) & (turned.real <= 1) & (np.abs(turned.imag) * length <= width)]
 
 
-def test_picture_tables_and_json(local: Path, tmp_path: Path) -> None:
+def test_picture_tables_and_json_match_the_map(local: Path, tmp_path: Path) -> None:
     result = printed(sonarmap("section", local, *LINE, "-o", tmp_path / "new" / "cut.png", "--json"))
     assert result.keys() == KEYS
     folder = read_map_folder(local)
@@ -57,7 +57,7 @@ def test_picture_tables_and_json(local: Path, tmp_path: Path) -> None:
         assert picture.format == "PNG"
 
 
-def test_the_same_line_in_each_of_the_coordinates(placed: Path, tmp_path: Path) -> None:
+def test_a_line_in_map_world_or_geodetic_coordinates_gives_the_same_section(placed: Path, tmp_path: Path) -> None:
     geodetic = HERE.geodetic(np.array([[-4.0, -1, 0], [4, 2, 0]]))
     projected = Projection.of(HERE).project(geodetic)
     plain = printed(sonarmap("section", placed, *LINE, "-o", tmp_path / "a.csv", "--json"))
@@ -93,7 +93,7 @@ def test_the_same_line_in_each_of_the_coordinates(placed: Path, tmp_path: Path) 
         ((*LINE, "-o", "cut.jpg"), "ends in .png"),
     ],
 )
-def test_lines_that_cannot_be_cut(
+def test_invalid_lines_are_refused(
     local: Path, options: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -101,7 +101,7 @@ def test_lines_that_cannot_be_cut(
     assert not list(tmp_path.iterdir())
 
 
-def test_what_is_not_a_map(local: Path, tmp_path: Path) -> None:
+def test_folders_that_are_not_maps_are_refused(local: Path, tmp_path: Path) -> None:
     refused(sonarmap("section", tmp_path / "none", *LINE, "-o", tmp_path / "a.png"), "is not a folder")
     refused(sonarmap("section", tmp_path, *LINE, "-o", tmp_path / "x" / "a.png"), "summary.json")
     refused(sonarmap("section", local, *LINE, "-o", local / "a.png"), "the map's folder")
@@ -109,7 +109,7 @@ def test_what_is_not_a_map(local: Path, tmp_path: Path) -> None:
     refused(sonarmap("volume", local, tmp_path / "none", "--same-frame"), "is not a folder")
 
 
-def test_the_volume_above_a_plane(local: Path, placed: Path) -> None:
+def test_the_volume_to_a_level(local: Path, placed: Path) -> None:
     result = printed(sonarmap("volume", local, "--level", "-1", "--cell", "2", "--height", "top", "--json"))
     assert result.keys() == VOLUME_KEYS
     points, voxel = read_map_folder(local).parts[0].points, read_map_folder(local).voxel
@@ -128,7 +128,7 @@ def test_the_volume_above_a_plane(local: Path, placed: Path) -> None:
     assert "water's surface" in lower["heights"]
 
 
-def test_two_maps(local: Path, placed: Path) -> None:
+def test_the_volume_between_two_maps(local: Path, placed: Path) -> None:
     result = printed(sonarmap("volume", placed, placed, "--json"))
     assert (result["cut_m3"], result["fill_m3"], result["area_map_only_m2"]) == (0, 0, 0)
     assert result["net_sigma_m3"] > 0
@@ -148,9 +148,9 @@ def test_two_maps(local: Path, placed: Path) -> None:
         (("--level", "1", "--min-seen", "99"), "give a smaller --min-seen"),
     ],
 )
-def test_volumes_that_cannot_be_computed(local: Path, options: tuple[str, ...], words: str) -> None:
+def test_invalid_volume_options_are_refused(local: Path, options: tuple[str, ...], words: str) -> None:
     refused(sonarmap("volume", local, *options), words)
 
 
-def test_two_maps_that_share_no_frame(local: Path, placed: Path) -> None:
+def test_maps_without_a_common_frame_are_refused(local: Path, placed: Path) -> None:
     refused(sonarmap("volume", local, placed), "--same-frame")
