@@ -13,7 +13,7 @@ from wlsonar import range_image_protocol as rip
 
 from tests.samples.recordings import range_image, strength_image
 
-# x, y, z, strength; no two numbers alike, all exact in float32, one line of text each
+# x, y, z, strength; all numbers different and exact in float32, one line of text each
 TABLE = np.array(
     [
         [1.5, -2.25, 0.75, 30.5],
@@ -28,7 +28,7 @@ POINTS, STRENGTH = TABLE[:, :3], TABLE[:, 3]
 
 
 def ply(encoding: str = "binary_little_endian", names: Sequence[str] = ("x", "y", "z", "intensity"), faces=False):
-    """TABLE as PLY: a short and a double among the properties, and perhaps triangles behind the vertices."""
+    """TABLE as PLY: a short and a double among the properties, and optionally faces after the vertices."""
     order = ">" if "big" in encoding else "<"
     fields = [(names[0], "f4"), ("ring", "i2"), (names[1], "f8"), (names[2], "f4"), (names[3], "f4")]
     kinds = {"f4": "float", "f8": "double", "i2": "short"}
@@ -49,7 +49,7 @@ def ply(encoding: str = "binary_little_endian", names: Sequence[str] = ("x", "y"
 
 
 def pcd(encoding: str) -> bytes:
-    """TABLE as PCD, with a field of three values that nobody asked for in front."""
+    """TABLE as PCD, with an unused field of three values in front."""
     header = (
         "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS normal x y z intensity\n"
         f"SIZE 2 4 8 4 4\nTYPE I F F F F\nCOUNT 3 1 1 1 1\nWIDTH {len(TABLE)}\nHEIGHT 1\n"
@@ -74,7 +74,7 @@ def text(separator: str = " ", header: str = "", columns: Sequence[int] = (0, 1,
 
 
 def put(path: Path, content: bytes) -> Path:
-    """The file with this content."""
+    """Write a file with this content."""
     path.write_bytes(content)
     return path
 
@@ -135,8 +135,8 @@ def las(
     crs: object = None,
     extra: dict[str, np.ndarray] | None = None,
 ) -> bytes:
-    """x, y, z and intensity of a table (N, 4): `gps` times (N,) are adjusted standard GPS time or seconds of a week,
-    the offset [m] is of the coordinates' integers, `crs` of pyproj; `extra` are more dimensions (N,), float64."""
+    """LAS or LAZ of x, y, z and intensity (N, 4). `gps` (N,) is adjusted standard GPS time or seconds of the week,
+    `offset` [m] that of the header, `crs` one of pyproj, and `extra` holds more dimensions (N,), float64."""
     header = laspy.LasHeader(point_format=form, version=version)
     header.scales, header.offsets = np.full(3, SCALE), np.array(offset)
     header.global_encoding.gps_time_type = GpsTimeType.STANDARD if adjusted else GpsTimeType.WEEK_TIME

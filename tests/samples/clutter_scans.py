@@ -22,7 +22,7 @@ T_WORLD_SENSOR = RigidTransform.from_components(
 
 
 def clutter(scene: int = 1, boxes: int = 60) -> np.ndarray:
-    """Points (7200, 3) float32 [m, world] on the faces of boxes; another number is another scene."""
+    """Points (7200, 3) float32 [m, world] on the faces of boxes; each number gives another scene."""
     rng = np.random.default_rng(scene)
     centers = rng.uniform(-8, 8, (boxes, 1, 3)) * [1, 1, 0.4]
     sides = rng.uniform(0.3, 2.0, (boxes, 1, 3))
@@ -45,7 +45,7 @@ def plane() -> np.ndarray:
 
 
 def write(folder: Path, **clouds: np.ndarray) -> list[str]:
-    """Write each cloud to `folder`/name.ply; the paths."""
+    """Write each cloud to `folder`/name.ply, and return the paths."""
     for name, points in clouds.items():
         write_ply(folder / f"{name}.ply", points)
     return [str(folder / f"{name}.ply") for name in clouds]
@@ -57,7 +57,7 @@ def sonarmap(*arguments: str | Path) -> Result:
 
 
 def printed_at(columns: int, *arguments: str | Path) -> list[str]:
-    """The lines of stdout on a terminal of so many columns."""
+    """Lines of stdout on a terminal of this many columns."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sonarmap.tools.command.terminal.result_width", lambda: columns)
         return CliRunner().invoke(app, [str(a) for a in arguments]).stdout.splitlines()
@@ -69,7 +69,7 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 
 def table_of(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file, by the names of its columns."""
+    """The rows of a CSV file, keyed by column names."""
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file, strict=True))
 
@@ -90,7 +90,7 @@ def refused(result: Result, *words: str) -> None:
 
 
 def done(result: Result) -> Result:
-    """The result, of a command that ended well."""
+    """Check that a command ended with exit code 0, and return its result."""
     assert result.exit_code == 0, result.stderr
     return result
 
@@ -102,7 +102,7 @@ def printed(result: Result, exit_code: int = 0) -> Any:
 
 
 def strict_json(text: str) -> Any:
-    """Of JSON without NaN or infinity, which Python would read."""
+    """The value of JSON, which must not contain NaN or infinity."""
 
     def refuse(constant: str) -> None:
         raise AssertionError(f"{constant} is no JSON")
@@ -111,7 +111,7 @@ def strict_json(text: str) -> Any:
 
 
 def said(result: Result, *words: str) -> None:
-    """Check that stderr has all of these words; where it was folded makes no difference."""
+    """Check that stderr contains all of these words, wherever its lines break."""
     message = " ".join(result.stderr.replace("│", " ").split())
     missing: Sequence[str] = [word for word in words if word not in message]
     assert not missing, f"{missing} not in: {message}"

@@ -1,4 +1,4 @@
-"""The command line as a process of its own, and what a terminal shows of it."""
+"""The command line as a subprocess, and the output of programs on a terminal."""
 
 import io
 import os
@@ -18,7 +18,7 @@ def sonarmap(*arguments: str, **environment: str) -> subprocess.CompletedProcess
 
 
 def on_a_terminal(program: str, columns: int = 100) -> str:
-    """What a program prints on stderr where that is a terminal."""
+    """Output of a program on stderr, which is a terminal."""
     master, terminal = pty.openpty()
     environment = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "CI", "TERM")}
     environment |= {"TERM": "xterm", "COLUMNS": str(columns)}
@@ -28,7 +28,7 @@ def on_a_terminal(program: str, columns: int = 100) -> str:
     try:
         while chunk := os.read(master, 4096):
             shown.write(chunk)
-    except OSError:  # Linux says EIO where a terminal's other side has gone
+    except OSError:  # Linux raises EIO once a terminal's other side is closed
         pass
     finally:
         os.close(master)

@@ -13,8 +13,8 @@ from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes, Sens
 from tests.samples.recordings import PIXEL, SPEED, PacketOf, packets_of, range_image, stamp_at, strength_image
 
 NOISE = Noise(sigma2=0.0025, outliers=0.01, dropouts=0.05)
-SWAY = np.deg2rad((1.5, 1.0))  # amplitudes of roll and pitch [rad], and their periods [s]
-PERIODS = 34.0, 21.0
+SWAY = np.deg2rad((1.5, 1.0))  # amplitudes of roll and pitch [rad]
+PERIODS = 34.0, 21.0  # of roll and pitch [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,11 @@ class Dive:
     """A recording of a vehicle along a scene's path."""
 
     scene: str  # a key of SCENE_KINDS
-    shots: int  # how many
+    shots: int  # number of shots
     rate: float = 20.0  # shots per second
     speed: float = 0.1  # of the vehicle [m/s]
     columns: int = 128  # of the images
-    rows: int = 32  # likewise
+    rows: int = 32  # of the images
     first: int = 0  # the number of the first shot; numbers wrap at 2^32
     seed: int = 3  # of the scene and the noise
 
@@ -56,7 +56,7 @@ class Dive:
             yield from self._images(shot, disturb(echoes, sensor, NOISE, np.random.default_rng([self.seed, shot])))
 
     def _images(self, shot: int, echoes: Echoes) -> list[PacketOf]:
-        """As the sonar sends them: columns from the left to the right, rows from below."""
+        """Both images as the sonar sends them: columns from left to right, rows from below."""
         seen = np.isfinite(echoes.ranges)
         pixels = np.rint(np.where(seen, echoes.ranges, 0.0) / PIXEL).astype(np.uint32)[:, ::-1]
         levels = np.where(seen, np.clip(200 + 100 * np.log10(np.maximum(echoes.strengths, 1e-9)), 1, 255), 0)

@@ -9,12 +9,12 @@ from tests.samples.surveys import chained_graph, edge, from_the_first
 
 STEP, LANE = 4.0, 15.0  # between scans along a lane, and between lanes [m]
 REACH = 20.0  # a loop joins poses that are no farther apart [m]
-SIGMAS = np.repeat([np.radians(0.1), 0.05], 3)  # of a registration, where the poses are the same [rad, m]
+SIGMAS = np.repeat([np.radians(0.1), 0.05], 3)  # of a registration between equal poses [rad, m]
 
 
 def lawnmower(count: int, loops_per_pose: float, seed: int = 0) -> tuple[RigidTransform, PoseGraph]:
-    """The true poses, and a graph of measurements with the errors that they state, farther pairs less sure; the
-    lanes make the place about square, and of loops there are about 2.7 a pose between them, unless fewer are asked."""
+    """The true poses, and a graph of measurements whose errors follow their sigmas, which grow with distance. The
+    lanes cover about a square; it has `loops_per_pose` loops per pose, at most about 2.7."""
     rng = np.random.default_rng(seed)
     T = _poses(count, rng)
     near = KDTree(T.translation).query_pairs(REACH, output_type="ndarray")
@@ -31,7 +31,7 @@ def lawnmower(count: int, loops_per_pose: float, seed: int = 0) -> tuple[RigidTr
 
 
 def _poses(count: int, rng: np.random.Generator) -> RigidTransform:
-    """To and fro; the first pose is the identity."""
+    """Poses along lanes in alternating directions; the first is the identity."""
     per_lane = round(np.sqrt(count * LANE / STEP))
     lane, along = np.divmod(np.arange(count), per_lane)
     back = lane % 2 == 1

@@ -12,7 +12,7 @@ HERE = Georeference(58.1234, -11.6543)
 
 
 def gsf_of(path: Path, line: PingLine, here: Georeference = HERE, start: float = START) -> Path:
-    """The file of a line with as many soundings in each ping, about a place, from a time on."""
+    """Write a line with equally many soundings per ping as GSF, around the place `here`, from the time `start` on."""
     shape = (len(line.stamps), -1, 3)
     sample = Sample(
         stamps=start + line.stamps - 1e6,

@@ -7,12 +7,12 @@ from sonarmap.kernels.fft.edges import row_pitch
 
 
 def relative_error(got: np.ndarray, want: np.ndarray) -> float:
-    """The difference over what is wanted, both in the 2-norm."""
+    """The relative error in the 2-norm."""
     return float(np.linalg.norm(got - want) / np.linalg.norm(want))
 
 
 def padded(spectrum: np.ndarray, length: int) -> np.ndarray:
-    """A half spectrum of rows of this length in the kernels' layout; the padding holds what must never be seen."""
+    """A half spectrum of rows of this length in the kernels' layout; the padding is NaN, as it must not be read."""
     out = np.full((*spectrum.shape[:-1], row_pitch(length)), np.nan, np.complex64)
     out[..., : length // 2 + 1] = spectrum
     return out

@@ -1,4 +1,4 @@
-"""Time that does not grow where the machine is busy, and bounds of it and of memory."""
+"""Processor time, which other load does not change, and limits of it and of memory."""
 
 import os
 import tracemalloc
@@ -9,13 +9,13 @@ MOST_SECONDS, MOST_BYTES = 5.0, 200e6
 
 
 def processor_time() -> float:
-    """What this process, and those of its own that have ended, have computed [s]."""
+    """Processor time of this process and of its children that have ended [s]."""
     return sum(os.times()[:4])
 
 
 @contextmanager
 def quick(most: float = MOST_SECONDS) -> Iterator[None]:
-    """The block takes little time [s]."""
+    """Check that the block takes less than `most` of processor time [s]."""
     start = processor_time()
     yield
     assert processor_time() - start < most
@@ -23,7 +23,7 @@ def quick(most: float = MOST_SECONDS) -> Iterator[None]:
 
 @contextmanager
 def thrifty() -> Iterator[None]:
-    """The block takes little time and memory."""
+    """Check that the block takes little processor time and memory."""
     tracemalloc.start()
     with quick():
         yield

@@ -38,7 +38,7 @@ class Events:
 
 
 def stamp_at(shot: int, rate: float = RATE) -> tuple[int, int]:
-    """Seconds and nanoseconds, at so many shots per second."""
+    """Stamp of a shot in seconds and nanoseconds, at `rate` shots per second."""
     nanos = round(shot / rate * 1e9)
     return int(START) + (nanos + 250_000_000) // 10**9, (nanos + 250_000_000) % 10**9
 
@@ -58,7 +58,7 @@ def range_image(
 
 
 def strength_image(sequence: int, levels: np.ndarray) -> rip.BitmapImageGreyscale8:
-    """Of levels (height, width), without a time."""
+    """A strength image of levels (height, width), without a time."""
     kind, (height, width) = rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE, levels.shape
     content = levels.astype(np.uint8).tobytes()
     image = rip.BitmapImageGreyscale8(type=kind, width=width, height=height, image_pixel_data=content)
@@ -77,7 +77,7 @@ def packets_of(
 
 
 def shot_packets(shot: int, number: int, rng: np.random.Generator, speed_of_sound: float = SPEED) -> list[PacketOf]:
-    """The range and the strength image of one shot, of noise."""
+    """The range and the strength image of one shot, filled with noise."""
     pixels = rng.integers(0, 20_000, (HEIGHT, WIDTH)) * (rng.random((HEIGHT, WIDTH)) < 0.7)
     image = range_image(0, pixels, PIXEL, speed_of_sound=speed_of_sound, range=15.0, frequency=5)
     strength = strength_image(0, rng.integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8))
@@ -85,12 +85,12 @@ def shot_packets(shot: int, number: int, rng: np.random.Generator, speed_of_soun
 
 
 def with_checksum(packet: bytes) -> bytes:
-    """The packet with the checksum that its other bytes have."""
+    """The packet with a valid checksum."""
     return packet[:-4] + zlib.crc32(packet[:-4]).to_bytes(4, "little")
 
 
 def recording(shots: int, first: int = 4448, seed: int = 1, after: int = 0) -> Iterator[PacketOf]:
-    """Packets of so many shots, numbered from `first` on, taken after so many others."""
+    """Packets of `shots` shots after the first `after` ones; shot k has the number `first` + k."""
     for shot in range(after, after + shots):
         yield from shot_packets(shot, first + shot, np.random.default_rng([seed, shot]))
 
@@ -122,14 +122,14 @@ def disturbed(packets: Sequence[PacketOf], seed: int, share: float = 0.01) -> tu
 
 
 def damage_a_shot(packets: list[PacketOf], events: Events, after: int) -> set[int]:
-    """Change a range image that is there once, of a shot after this one; the shots that have no range image now."""
+    """Damage a range image that is not doubled, of a shot after `after`; returns the shots without a range image."""
     hit = next(k for k, p in enumerate(packets) if p.shot > after and p.kind == "range" and packets.count(p) == 1)
     packets[hit] = replace(packets[hit], content=packets[hit].content[:-1] + b"?")
     return {packet.shot for packet in (*events.lost, packets[hit]) if packet.kind == "range"}
 
 
 def written(path: Path, packets: Sequence[PacketOf] | Iterator[PacketOf]) -> Path:
-    """The file with these packets."""
+    """Write a file with these packets."""
     with path.open("wb") as file:
         for packet in packets:
             file.write(packet.content)

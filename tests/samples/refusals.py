@@ -1,4 +1,4 @@
-"""Input that is refused."""
+"""A check that input is refused."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,6 +9,6 @@ from sonarmap.kernels.errors import InputError
 
 
 def refuses(message: str, function: Callable[..., Any], *given: Any, **options: Any) -> None:
-    """A function refuses these arguments with an InputError whose message matches."""
+    """Check that a function refuses these arguments with an InputError whose message matches."""
     with pytest.raises(InputError, match=message):
         function(*given, **options)

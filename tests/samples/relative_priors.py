@@ -1,4 +1,4 @@
-"""Priors of pairs that tell every axis and sign from the others, for tests of what they allow."""
+"""Priors of pairs that distinguish every axis and sign, for tests of what they allow."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -10,8 +10,8 @@ Kinds = tuple[slice, ...]
 INF = np.inf
 ATTITUDE, HEADING, POSITION, DEPTH = slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6)
 ALL = (ATTITUDE, HEADING, POSITION, DEPTH)
-SIGMAS = np.array([0.01, 0.02, 0.05, 2.0, 3.0, 0.1])  # every one another
-# of the attitude and heading, levers of 15 m make as much as depth and position have themselves
+SIGMAS = np.array([0.01, 0.02, 0.05, 2.0, 3.0, 0.1])  # all different
+# over levers of 15 m, those of attitude and heading are as large as those of depth and position
 SURE = np.array([0.004, 0.008, 0.02, 0.1, 0.2, 0.03])
 T_TARGET = RigidTransform.from_components([4.0, -1.0, -2.5], Rotation.from_euler("ZYX", [0.7, -0.3, 0.2]))
 T_SOURCE = RigidTransform.from_components([16.0, 8.0, -7.0], Rotation.from_euler("ZYX", [-1.4, 0.25, -0.35]))
@@ -35,7 +35,7 @@ def pair(*kinds: slice, sigmas: np.ndarray = SIGMAS) -> RelativePrior:
 
 
 def between(target: Kinds, source: Kinds, sigmas: np.ndarray = SURE) -> RelativePrior:
-    """Of scans that know different things."""
+    """A prior between scans with different kinds of measurements."""
     return RelativePrior(prior(T_TARGET, *target, sigmas=sigmas), prior(T_SOURCE, *source, sigmas=sigmas))
 
 

@@ -24,7 +24,7 @@ _NOT_OURS = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "CI", "TTY_COMPATIBL
 @dataclass(frozen=True)
 class Shown:
     """lines: of the last screen, without spaces at their ends and without empty lines at the end.
-    scrolled: how many more have left at the top.
+    scrolled: number of lines that have scrolled out at the top.
     moment: the lines of the screen when a line matched; none if none did.
     exit_code: of the program."""
 
@@ -76,11 +76,11 @@ def on_screen(
 
 
 def _read(terminal: int, end: float) -> bytes:
-    """What was printed next; nothing where the program has ended, or takes too long."""
+    """The next output; empty once the program has ended or takes too long."""
     ready, _, _ = select.select([terminal], [], [], max(end - time.monotonic(), 0.0))
     try:
         return os.read(terminal, 65536) if ready else b""
-    except OSError:  # Linux says EIO where a terminal's other side has gone
+    except OSError:  # Linux raises EIO once a terminal's other side is closed
         return b""
 
 

@@ -1,4 +1,4 @@
-"""A survey whose registrar every worker can make: it knows the truth, and can fail as it is told."""
+"""A survey whose registrar every worker can create: it knows the truth, and can fail on demand."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)
 
 
 class Knowing(KnowingRegistrar):
-    """It notes every pair in a file, as a line; signatures are a scan's mean point. The ending "kill 5 6" ends the
+    """Appends a line per pair to a file; signatures are a scan's mean point. The ending "kill 5 6" ends the
     process at this pair, "once 5 6" the first time only; "device 5 6", "input 5 6" and "stop 5 6" raise."""
 
     def __init__(self, count: int, notes: Path, ending: str = "") -> None:

@@ -38,24 +38,24 @@ def edge(i: int, j: int, T: RigidTransform, covariance: np.ndarray, kind: Kind =
 
 
 def drawn(rng: np.random.Generator, covariance: np.ndarray, count: int | None = None) -> RigidTransform:
-    """An error with this covariance, or so many of them."""
+    """A random error with this covariance, or `count` of them."""
     return RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance, count))
 
 
 def measured_edge(rng: np.random.Generator, T: RigidTransform, i: int, j: int, covariance: np.ndarray) -> Edge:
-    """Between two poses, with an error of this covariance."""
+    """An edge between two poses with a random error of this covariance."""
     kind: Kind = "sequential" if j == i + 1 else "loop"
     return edge(i, j, T[i].inv() * T[j] * drawn(rng, covariance), covariance, kind)
 
 
 def chain_edges(T: RigidTransform, covariance: np.ndarray, errors: RigidTransform | None = None) -> list[Edge]:
-    """From each pose to the next, exact or with these errors."""
+    """Edges from each pose to the next, exact or with these errors."""
     steps = T[:-1].inv() * T[1:]
     return [edge(k, k + 1, step, covariance) for k, step in enumerate(steps if errors is None else steps * errors)]
 
 
 def chained_graph(edges: Sequence[Edge], count: int) -> PoseGraph:
-    """With the poses that its first edges lead to, a second apart."""
+    """A graph whose poses are chained from its first edges, a second apart."""
     return PoseGraph(chain(edges, np.arange(float(count))), tuple(edges))
 
 
@@ -69,7 +69,7 @@ def from_the_first(T: RigidTransform) -> RigidTransform:
 
 
 def step_pair(k: int, T: RigidTransform, covariance: np.ndarray, accepted: bool = True) -> RegisteredPair:
-    """Scans k and k + 1, registered."""
+    """The registered pair of scans k and k + 1."""
     return RegisteredPair(k, k + 1, "sequential", registration=registration(T, covariance, accepted))
 
 
@@ -95,14 +95,14 @@ def scans_of(T_world_sensor: RigidTransform, reach: float = 6.0, seed: int = 0) 
 
 
 def measurements_of(count: int) -> Measurements:
-    """Of scans that no instrument tells of, a second apart."""
+    """Measurements of scans without priors, a second apart."""
     scans = tuple(Scan(np.zeros((1, 3), np.float32), stamp=float(k)) for k in range(count))
     return Measurements(scans, np.zeros(count, np.intp))
 
 
 class KnowingRegistrar:
-    """Gives the true transform between scan0, scan1, ... with noise of the covariance that it states; counts what it
-    is asked. `spoil` gives another registration instead, or raises; `broken` scans cannot be prepared."""
+    """Returns the true transform between scan0, scan1, ... with noise of the covariance that it states; counts its
+    calls. `spoil` gives another registration instead, or raises; `broken` scans cannot be prepared."""
 
     def __init__(
         self,
@@ -127,7 +127,7 @@ class KnowingRegistrar:
     def register(self, target: "_Prepared", source: "_Prepared") -> Registration:
         i, j = target.index, source.index
         self.pairs.append((i, j))
-        # Drawn per pair, not in order of asking, so that a pair gives the same result in every run.
+        # Seeded per pair, so that a pair gives the same result in every run, whatever the order of calls.
         rng = np.random.default_rng([self.seed, i, j])
         noise = drawn(rng, self.covariance)
         given = registration(self.truth[i].inv() * self.truth[j] * noise.inv(), self.covariance)
@@ -145,12 +145,12 @@ class _Prepared:
 
 
 FAR = 10.0  # least residual of a wrong loop [sigmas]
-GROUP = 20  # loops of an aliased place: as many consecutive poses see it
+GROUP = 20  # consecutive poses with a loop to the same aliased place
 
 
 def scattered(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple[Edge, ...]:
-    """Random pairs of poses, each measured as a right loop of the graph might be, with that loop's covariance; a pair
-    that happens to be right within its poses T, right or nearly so, is drawn again."""
+    """Wrong loops between random poses, each with the transform and covariance of a loop of the graph; a pair whose
+    transform happens to fit the true poses T is drawn again."""
     rng = np.random.default_rng(seed)
     loops, poses = [one for one in graph.edges if one.kind == "loop"], len(graph.trajectory)
     wrong: list[Edge] = []
@@ -164,8 +164,8 @@ def scattered(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tup
 
 
 def aliased(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple[Edge, ...]:
-    """Runs of consecutive poses that all take another place for theirs, at one and the same wrong offset; within the
-    poses T, right or nearly so, the groups agree up to the noise of the covariances, which are the graph's loops'."""
+    """Wrong loops of consecutive poses that all mistake another place for theirs, at the same wrong offset. With the
+    true poses T, the loops of a group agree up to the noise of their covariances, which are of loops of the graph."""
     rng = np.random.default_rng(seed)
     loops, poses = [one for one in graph.edges if one.kind == "loop"], len(graph.trajectory)
     wrong: list[Edge] = []

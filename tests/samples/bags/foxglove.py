@@ -14,7 +14,7 @@ TYPES = {"f4": PackedElementField.FLOAT32, "f8": PackedElementField.FLOAT64, "u2
 
 
 def point_cloud(number: int = 0, table: np.ndarray = TABLE) -> PointCloud:
-    """x and intensity as float32, y as float64, and a number that nobody asked for, with a gap."""
+    """x, z and intensity as float32, y as float64, and an unused field, with a gap."""
     layout = [("y", "f8", 0), ("ring", "u2", 8), ("x", "f4", 10), ("intensity", "f4", 16), ("z", "f4", 20)]
     records = np.zeros(
         len(table),

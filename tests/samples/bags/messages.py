@@ -9,14 +9,14 @@ from tests.samples.cloud_files import TABLE
 
 CLOUD, ODOMETRY, TF = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
 NUMBERS = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
-# Fields out of order, one that nobody asked for, gaps between them: name, dtype, offset.
+# Fields out of order, an unused one, gaps between them: name, dtype, offset.
 FIELDS = (("intensity", "f4", 2), ("x", "f4", 8), ("ring", "u2", 12), ("z", "f4", 16), ("y", "f4", 24))
 STEP = 30
 STAMP = 1_700_000_000
 
 
 def header(stamp: float, frame: str) -> dict[str, Any]:
-    """With a stamp of whole 1/8 seconds, so that nothing is rounded."""
+    """A header; stamps in multiples of 1/8 s are not rounded."""
     return {"stamp": {"sec": int(stamp), "nanosec": round((stamp - int(stamp)) * 1e9)}, "frame_id": frame}
 
 
@@ -81,5 +81,5 @@ def transforms(*links: tuple[float, str, str, Sequence[float], Sequence[float]])
 
 
 def xyz(values: Sequence[float], names: str = "xyz") -> dict[str, float]:
-    """Numbers by their names."""
+    """Numbers keyed by their names."""
     return dict(zip(names, map(float, values), strict=True))

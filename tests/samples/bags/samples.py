@@ -14,7 +14,7 @@ LINK = (0.0, "base_link", "sonar_link", (0.5, -0.25, 1.5), (0.0, 0.0, 0.6, 0.8))
 
 
 def dive() -> list[Record]:
-    """At 0, 1 and 2 s."""
+    """Records at 0, 1 and 2 s."""
     records: list[Record] = [("/tf_static", TF, 0.0, transforms(LINK))]
     for k in range(3):
         records.append(("/points", CLOUD, float(k), cloud(stamp=k + 0.125, rows=5, padding=3)))
@@ -24,7 +24,7 @@ def dive() -> list[Record]:
 
 @cache
 def recordings() -> dict[str, tuple[str, bytes]]:
-    """Suffix and content of each kind."""
+    """Suffix and content of a recording of each kind."""
     with tempfile.TemporaryDirectory() as folder:
         room = Path(folder)
         files = {

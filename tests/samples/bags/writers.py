@@ -30,7 +30,7 @@ def types(release: Stores) -> Any:
 
 
 def built(store: Any, kind: str, value: dict[str, Any]) -> Any:
-    """A dictionary as rosbags's message; what is missing is 0."""
+    """The message of rosbags for a dictionary; missing fields are 0."""
     return store.types[kind](**{name: _field(store, form, value.get(name)) for name, form in store.fielddefs[kind][1]})
 
 
@@ -72,7 +72,7 @@ def write_ros2(
 
 
 def _write_records(writer: Any, records: Sequence[Record], store: Any, serialize: Callable[..., Any]) -> None:
-    """Every record on the connection of its topic."""
+    """Write every record on the connection of its topic."""
     topics = _first_of_each(records)
     connections = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind, *_ in topics}
     for topic, kind, time, message in records:

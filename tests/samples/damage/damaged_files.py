@@ -1,4 +1,4 @@
-"""Every kind of file that is read, damaged at random: refused in words, or read as something that can be used."""
+"""Every kind of file that is read, damaged at random: refused with a message, or read as usable data."""
 
 import json
 import sys
@@ -32,13 +32,13 @@ from tests.samples.processor_time import processor_time
 from tests.samples.surveys import random_covariance, random_transforms, registration
 
 MOST_WORDS = 2000  # characters of a message
-# Formats that say how many points they hold, and show where that is not so; LAZ before 1.4 does not show it.
+# Formats with a count of points, which reveals missing ones; that of LAZ before 1.4 does not.
 COUNTED = (".ply", ".pcd", ".npy", ".npz", ".las")
 
 
 @dataclass(slots=True)
 class Outcome:
-    """Of damaged files: how many were refused and read, by kind; what went wrong; the longest processor time [s]."""
+    """Counts of outcomes by kind of file, faults, longest processor time [s], and largest growth of memory [bytes]."""
 
     ends: dict[str, Counter[str]] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
@@ -47,7 +47,7 @@ class Outcome:
 
 
 def check_usable(scan: Scan) -> None:
-    """Raise AssertionError for a scan that cannot be worked with."""
+    """Check that a scan is valid."""
     assert len(scan.points) >= 1
     assert np.isfinite(scan.points).all()
     assert np.abs(scan.points).max() <= COORDINATE_LIMIT
@@ -101,7 +101,7 @@ def _journal() -> Readable:
 
 
 def readables() -> dict[str, Readable]:
-    """Every kind of file, whole."""
+    """Undamaged files of every kind."""
     scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in SAMPLES.items()}
     poses = {kind: Readable(file.name, file.content, _check_poses(file.read)) for kind, file in POSE_FILES.items()}
     return {
@@ -126,7 +126,7 @@ def _las_files() -> dict[str, Readable]:
 
 
 def _recordings() -> dict[str, Readable]:
-    """As scans, and some as odometry."""
+    """Bags and MCAP files read as scans, and some as odometry."""
     scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in recordings().items()}
     poses = {
         f"{kind} as odometry": Readable(scans[kind].name, scans[kind].content, _check_poses(_odometry))
@@ -140,8 +140,7 @@ def _odometry(path: Path) -> object:
 
 
 def damage(folder: Path, each: int, seed: int, kinds: Sequence[str] = ()) -> Outcome:
-    """Damage every kind of file, or some `kinds`, so many times each, in an empty folder; the same seed damages them
-    alike."""
+    """Damage every kind of file, or only `kinds`, `each` times in an empty folder; a seed gives the same damages."""
     files, outcome = readables(), Outcome()
     contents = [file.content for file in files.values()]
     for kind, file in files.items():
@@ -173,7 +172,7 @@ def _end(file: Readable, path: Path, which: str, faults: list[str]) -> str:
         if 20 < len(str(error)) < MOST_WORDS and "exit code" not in str(error):
             return "refused"
         faults.append(f"{which}: {str(error)[:200] or 'refused without a word'}")
-    except Exception as error:  # noqa: BLE001 - every one of them is a fault to tell
+    except Exception as error:  # noqa: BLE001 - every one of them is a fault to report
         faults.append(f"{which}: {type(error).__name__}: {str(error)[:200]}")
     else:
         return "read"
@@ -181,7 +180,7 @@ def _end(file: Readable, path: Path, which: str, faults: list[str]) -> str:
 
 
 def _forget_peaks() -> dict[Path, int]:
-    """Of memory, in this process and in the one that reads apart, where the system can: what each holds now."""
+    """Reset peak memory of this process and of the reading process, if the system can; returns current peaks."""
     for process in _processes():
         with suppress(OSError):
             (process / "clear_refs").write_text("5", encoding="ascii")
@@ -189,7 +188,7 @@ def _forget_peaks() -> dict[Path, int]:
 
 
 def _growth(before: dict[Path, int]) -> int:
-    """The most memory that either of them took since [bytes]; 0 where the system does not tell."""
+    """Largest growth of peak memory of either process since then [bytes]; 0 if unknown."""
     return max(_peak(process) - before.get(process, 0) for process in _processes())
 
 
@@ -206,7 +205,7 @@ def _processes() -> list[Path]:
 
 
 def main() -> None:
-    """Print the outcome as JSON; the arguments say how many of each kind, the seed, and perhaps the kinds."""
+    """Print the outcome as JSON; arguments are the count for each kind, the seed, and optionally the kinds."""
     with tempfile.TemporaryDirectory() as folder:
         outcome = damage(Path(folder), int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
     print(json.dumps([outcome.ends, outcome.faults, outcome.longest, outcome.largest]))

@@ -1,4 +1,4 @@
-"""Files that are read together with others of their folder, and those that set something, and how each is read."""
+"""Files that are read together with others of their folder, and settings, each with its reader."""
 
 import tempfile
 from collections.abc import Callable, Mapping
@@ -34,7 +34,7 @@ seed = 5
 
 
 def folder_files() -> dict[str, Readable]:
-    """By their kind; `read` writes what belongs beside."""
+    """Files by kind; `read` also writes the other files of the folder."""
     bag, packed, finished = _bag(""), _bag("file"), _map()
     return {
         "file of a bag": _one_of(bag, "dive.db3", _read_bag),
@@ -50,7 +50,7 @@ def folder_files() -> dict[str, Readable]:
 
 
 def _one_of(files: Mapping[str, bytes], name: str, read: Callable[[Path], None]) -> Readable:
-    """A file of a folder, beside which the others are whole."""
+    """A file of a folder whose other files are undamaged."""
 
     def check(path: Path) -> None:
         for other, content in files.items():

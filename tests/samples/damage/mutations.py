@@ -15,7 +15,7 @@ _NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?")
 
 
 def mutated(content: bytes, other: bytes, rng: np.random.Generator) -> bytes:
-    """The content of a file with a damage, or two, drawn; `other` is another one's, from which pieces are taken."""
+    """The content of a file with one or two random damages; pieces may come from the content `other`."""
     for _ in range(1 + (rng.random() < 0.3)):
         damage = _DAMAGES[rng.integers(len(_DAMAGES))]
         content = damage(content, other, rng) or b"\0"
@@ -23,7 +23,7 @@ def mutated(content: bytes, other: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _place(content: bytes, rng: np.random.Generator) -> int:
-    """Of a byte; half of all are near the beginning, where headers are."""
+    """Random position of a byte; half of them are near the beginning, where headers are."""
     return int(rng.integers(min(len(content), 400) if rng.integers(2) else len(content)))
 
 
@@ -68,13 +68,13 @@ def _hostile_length(content: bytes, _: bytes, rng: np.random.Generator) -> bytes
 
 
 def _filled_piece(content: bytes, _: bytes, rng: np.random.Generator) -> bytes:
-    """As a disk or a card leaves it."""
+    """50 bytes of 0 or 255, as faulty disks and memory cards produce."""
     place = _place(content, rng)
     return content[:place] + bytes([255 * int(rng.integers(2))]) * 50 + content[place + 50 :]
 
 
 def _other_lines(content: bytes, _: bytes, rng: np.random.Generator) -> bytes:
-    """A line lost, doubled, or moved to another's place."""
+    """A line lost, doubled, or swapped with another."""
     lines = content.splitlines(keepends=True)
     taken, placed = rng.integers(len(lines), size=2).tolist()
     match rng.integers(3):

@@ -1,4 +1,4 @@
-"""Small valid files of navigation of every kind, and what has to hold of what they say."""
+"""Small valid files of navigation of every kind, each with a check of the result of reading it."""
 
 from dataclasses import replace
 from functools import partial

@@ -1,4 +1,4 @@
-"""Small valid files of poses and settings of every kind, and how each is read."""
+"""Small valid files of poses and settings of every kind, each with its reader."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ from sonarmap.tools.files.readers.trajectory import FORMAT, read_graph_json, rea
 from sonarmap.tools.lab.evaluate.survey import SurveySummary, read_summary
 from sonarmap.tools.lab.simulate.folder import read_settings
 
-# Where a result may say that nothing is known.
+# Fields whose values may be unknown.
 UNKNOWN = ("sigmas", "psr", "overlap", "probability")
 SCANS = [Scan(np.ones((1, 3), np.float32), stamp=float(k), name=f"scan{k}") for k in range(3)]
 
@@ -78,7 +78,7 @@ _DESCRIPTION = {
 
 @dataclass(frozen=True, slots=True)
 class Readable:
-    """A file, and how it is read and what has to hold of it: `read` raises InputError where it is refused."""
+    """A valid file with its reader, which also checks the result, and raises InputError for a file that it refuses."""
 
     name: str
     content: bytes
@@ -95,7 +95,7 @@ def _odometry(path: Path) -> object:
 
 
 def _summary(path: Path) -> SurveySummary:
-    """With the table of its pairs, which is beside it."""
+    """Read a summary with the table of pairs beside it."""
     path.with_name("pairs.csv").write_text(_PAIRS)
     return read_summary(path)
 
@@ -125,7 +125,7 @@ POSE_FILES = {
 
 
 def numbers_in(result: Any, name: str = "") -> Iterator[np.ndarray]:
-    """All numbers of what was read, but those that may be unknown."""
+    """All numbers of a result, except those of UNKNOWN fields."""
     if name in UNKNOWN or result is None or isinstance(result, str):
         return
     if isinstance(result, RigidTransform):

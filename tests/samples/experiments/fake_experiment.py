@@ -15,7 +15,7 @@ ran: list[str] = []  # the jobs that were run in this process
 
 
 def fake(seed: int = 1, end: str = "", outcomes: dict[str, Outcome] | None = None) -> Experiment:
-    """`end` as in "kill c" says how a job ends: by a signal, an "error", or an "interrupt"; or jobs with outcomes."""
+    """`end`, as in "kill c", ends job c by "kill", "error" or "interrupt"; `outcomes` replaces the jobs."""
     how, _, last = end.partition(" ")
 
     def run(job: str) -> Outcome:
@@ -38,7 +38,7 @@ def create(request: Request) -> Experiment:
 
 
 def origin(experiment: Experiment, **changes: object) -> Provenance:
-    """Of a fake, on a device that is not there."""
+    """Provenance of a fake experiment on an invented device."""
     fixed = {"sources": "ab", "device": "a device", "platform": "OpenCL 3.0 X  Y", "versions": {"numpy": "2"}}
     machine = {"processor": "a processor", "cores": 2}
     return Provenance(**({"name": "fake", "settings": vars(experiment.settings)} | fixed | machine | changes))

@@ -1,4 +1,4 @@
-"""Folders as of real scans, with a gt.log, of two scans that the simulator made."""
+"""Folders laid out as those of real scans, with a gt.log, of two simulated scans."""
 
 from functools import cache
 from pathlib import Path
@@ -26,7 +26,7 @@ def gt_log(i: int, j: int, T: RigidTransform) -> str:
 
 
 def put(folder: Path, names: tuple[str, str] = ("0.npy", "cloud_bin_1.ply")) -> Path:
-    """A set of one pair."""
+    """Write a folder of one pair."""
     folder.mkdir(parents=True, exist_ok=True)
     target, source, T = simulated()
     for name, scan in zip(names, (target, source), strict=True):

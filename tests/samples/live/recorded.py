@@ -1,4 +1,4 @@
-"""A recording in this program while a test sends, and its file read again."""
+"""Recording in this process while a test sends, and reading of the file."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +19,7 @@ from tests.samples.live.sender import LOOPBACK, free_port
 def record_while(
     out: Path, sends: Callable[[tuple[str, int]], object], address: str = LOOPBACK, **settings: Any
 ) -> tuple[Status, list[str]]:
-    """Record what `sends` sends to the address that it gets, until it returns: how it went, and what was warned of."""
+    """Record what `sends` sends to the given address until it returns; the final status and the warnings."""
     source = Source(IPv4Address(address), free_port(), settings.pop("interface", None))
     listens, stop, watch, warnings = Event(), Event(), Watch(), list[str]()
 
@@ -39,7 +39,7 @@ def record_while(
 
 
 def messages_by_wlsonar(path: Path) -> list[Message]:
-    """Every message of a recording, as wlsonar reads it; an unknown one ends in its error."""
+    """Every message of a recording, as wlsonar reads it; an unknown one raises its error."""
     messages = []
     with path.open("rb") as file:
         while True:

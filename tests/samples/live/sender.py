@@ -1,4 +1,4 @@
-"""A Sonar 3D-15 on the loopback: datagrams at a rate, of images of the full size where they are made here."""
+"""A Sonar 3D-15 on the loopback: sends datagrams at a given rate, and makes images of full size."""
 
 import hashlib
 import json
@@ -33,7 +33,7 @@ def sender(address: str = LOOPBACK) -> socket.socket:
 
 
 def send(datagrams: Iterable[bytes], to: tuple[str, int], rate: float = np.inf, address: str = LOOPBACK) -> None:
-    """Send them, so many per second, or at once."""
+    """Send datagrams at `rate` [1/s], or all at once."""
     start = time.monotonic()
     with sender(address) as sending:
         for number, content in enumerate(datagrams):
@@ -42,8 +42,8 @@ def send(datagrams: Iterable[bytes], to: tuple[str, int], rate: float = np.inf, 
 
 
 def full_size(shots: int, rate: float, seed: int, start: float) -> Iterator[bytes]:
-    """Both images of each shot, and an IMU batch with every other: what the sonar sends, as large as it sends it;
-    stamped by a rate [shots/s] from `start` [s, UTC] on."""
+    """Packets as large as the sonar's: both images of each shot, and an IMU batch with every second one, stamped at
+    `rate` [shots/s] from `start` [s, UTC] on."""
     images = [_images(np.random.default_rng([seed, k])) for k in range(8)]
     for shot in range(shots):
         stamp = start + shot / rate
@@ -65,7 +65,7 @@ def _images(rng: np.random.Generator) -> Sequence[rip.RangeImage | rip.BitmapIma
 
 
 def send_with_losses(shots: int, port: int, times: float, share: float) -> dict[str, object]:
-    """Send a recording at 20 Hz so many times as fast, but for a share of its packets.
+    """Send a recording of 20 Hz at `times` its rate, without a `share` of its packets.
 
     Returns:
         How many were sent ("packets"), the SHA-256 of all of them, and how many of each kind were left out between the

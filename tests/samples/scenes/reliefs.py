@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-# Edge of a block of the ground, and how high the highest stands [m].
+# Edge of a block of the ground, and greatest height of a block [m].
 _BLOCK, _HIGHEST = 2.0, 4.0
 # Half of the ground's edge [m].
 _HALF = 32.0
@@ -20,7 +20,7 @@ def relief(seed: int, count: int = 90_000) -> np.ndarray:
 
 
 def seen(place: np.ndarray, T_world_sensor: RigidTransform, reach: float = 12.0) -> np.ndarray:
-    """What of a place lies no farther than `reach` [m] from the sensor along x and y, (n, 3) float32, sensor frame."""
+    """Points of a place within `reach` [m] of the sensor along x and y, (n, 3) float32, sensor frame."""
     off = np.abs(place[:, :2] - T_world_sensor.translation[:2]).max(axis=1)
     return T_world_sensor.inv().apply(place[off < reach]).astype(np.float32)
 

@@ -32,7 +32,7 @@ def look(T: RigidTransform, rng: np.random.Generator, sigma: float = 0.02, wild:
 
 
 def _to_pole(place: np.ndarray, aim: np.ndarray) -> np.ndarray:
-    """(n,) ways to the pole along beams whose x, y are `aim` (n, 2); inf past it."""
+    """(n,) distances to the pole along beams whose x, y are `aim` (n, 2); inf for beams that miss it."""
     away = place - POLE
     a, b, c = (aim**2).sum(axis=1), aim @ away, away @ away - RADIUS**2
     root = b**2 - a * c

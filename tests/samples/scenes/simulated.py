@@ -1,4 +1,4 @@
-"""What the tests of the simulator share: a sensor of few beams, and no noise."""
+"""Shared by tests of the simulator: a sensor of few beams, and no noise."""
 
 import numpy as np
 

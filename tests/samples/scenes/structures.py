@@ -8,7 +8,7 @@ from sonarmap.spectral.scan import Scan
 
 
 def structure(seed: int, count: int = 6000) -> np.ndarray:
-    """Points (N, 3) float32 on walls, posts and a floor, as no two seeds have them [m]; about 20 m across."""
+    """Points (N, 3) float32 on walls, posts and a floor, different for each seed [m]; about 20 m across."""
     rng = np.random.default_rng(seed)
     parts = [np.column_stack([rng.uniform(-9, 9, (count, 2)), rng.normal(-3, 0.05, count)])]
     for _ in range(7):
@@ -40,5 +40,5 @@ def assert_near(found: RigidTransform, truth: RigidTransform, degrees: float, me
 
 
 def registered(registrar: Registrar, target: np.ndarray, source: np.ndarray) -> Registration:
-    """Of two sets of points, prepared and registered."""
+    """The registration of two sets of points."""
     return registrar.register(*(registrar.prepare(Scan(points.astype(np.float32))) for points in (target, source)))
