@@ -1,4 +1,4 @@
-"""What the tests share: the device they run on, and how a run ends that cannot go on."""
+"""The device that tests share, and the end of runs that hang or lose a worker."""
 
 import faulthandler
 import os
@@ -11,8 +11,7 @@ import pytest
 
 from sonarmap.kernels.device.device import Device, Flavor, choose_device
 
-# A shell that starts tests in the background has them ignore Ctrl-C, and nohup a closed terminal; so would the programs
-# that they start.
+# A shell in the background makes tests ignore Ctrl-C, and nohup a closed terminal; programs that they start inherit it.
 for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(_number) == signal.SIG_IGN:
         signal.signal(_number, _usual)
@@ -36,7 +35,7 @@ def pytest_timeout_cancel_timer() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any, error: object) -> None:
-    """End the run where a worker dies: pytest-xdist can lose the tests that it had, and then waits for ever."""
+    """End the run where a worker dies: pytest-xdist can lose its tests, and would then wait forever."""
     if error:
         schedule = node.config.pluginmanager.getplugin("dsession").sched
         test = schedule.remove_node(node) if node in schedule.nodes else None
@@ -44,8 +43,7 @@ def pytest_testnodedown(node: Any, error: object) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A kernel's test runs in both flavors: a processor is forced into that of graphics processors, where it is slow
-    and has the same numbers.
+    """Run tests of kernels in both flavors on a CPU; the flavor for GPUs is slow there, with the same results.
 
     A process loads one driver, so tests run on one device: PYOPENCL_CTX chooses another.
     """
@@ -57,7 +55,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark as slow what `quick_cases` says, and of a folder of kernels' tests all but one in the second flavor."""
+    """Mark as slow cases beyond `quick_cases`, and all but one test per folder of kernels in the second flavor."""
     counts: Counter[tuple[str, bool]] = Counter()
     for item in items:
         if item.get_closest_marker("slow"):

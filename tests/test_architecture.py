@@ -1,4 +1,4 @@
-"""The packages: who may import whom, which libraries load late, no import circles."""
+"""The packages: allowed imports, libraries that load late, no import cycles."""
 
 import ast
 import subprocess
@@ -11,19 +11,19 @@ from pathlib import Path
 from tests.samples.places import ROOT
 
 PACKAGE = ROOT / "sonarmap"
-ROOMS = ("kernels", "spectral", "slam", "tools")  # imports point left only
-WINGS = ("files", "methods", "products", "lab", "command")  # of tools, likewise
-FILES = sorted(path for room in ROOMS for path in (PACKAGE / room).rglob("*.py"))
+LAYERS = ("kernels", "spectral", "slam", "tools")  # imports point left only
+SUBFOLDERS = ("files", "methods", "products", "lab", "command")  # of tools, likewise
+FILES = sorted(path for layer in LAYERS for path in (PACKAGE / layer).rglob("*.py"))
 # slow to load: inside the function that uses them
 LATE = {"open3d", "matplotlib", "pyproj", "pyogrio", "laspy", "lazrs", "rosbags", "mcap"}
 LATE |= {"lz4", "zstandard", "ruamel", "rasterio"}
-# a library, and the one room that may import it
+# a library, and the one layer that may import it
 OWNERS = dict.fromkeys(LATE | {"plyfile", "wlsonar", "typer", "rich"}, "tools")
 OWNERS |= {"pyopencl": "kernels", "gtsam": "slam"}
 SLOW_TO_LOAD = {"pyopencl", "scipy", "gtsam", *LATE}
 
 
-def room_of(path: Path) -> str:
+def layer_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0]
 
 
@@ -34,7 +34,7 @@ def modules_of(node: ast.AST) -> set[str]:
         if isinstance(part, ast.Import):
             modules.update(alias.name for alias in part.names)
         elif isinstance(part, ast.ImportFrom):
-            assert part.level == 0, f"line {part.lineno}: a relative import hides its room"
+            assert part.level == 0, f"line {part.lineno}: a relative import hides its layer"
             modules |= {part.module or "", *(f"{part.module}.{alias.name}" for alias in part.names)}
     return modules
 
@@ -58,8 +58,8 @@ def imported_at_load(tree: ast.Module) -> set[str]:
     return found
 
 
-def circle_in(graph: Mapping[str, set[str]]) -> str:
-    """What imports itself over others; "" where nothing does."""
+def cycle_in(graph: Mapping[str, set[str]]) -> str:
+    """An import cycle as "a -> b -> a"; "" without one."""
     try:
         list(TopologicalSorter(graph).static_order())
     except CycleError as error:
@@ -81,28 +81,27 @@ def named(path: Path) -> str:
     return path.relative_to(PACKAGE).as_posix()
 
 
-def test_imports_point_left() -> None:
+def test_imports_follow_the_order_of_the_layers() -> None:
     faults = []
     for path in FILES:
-        room, modules = room_of(path), imported_by(path)
-        to_the_right = ROOMS[ROOMS.index(room) + 1 :]
+        layer, modules = layer_of(path), imported_by(path)
+        to_the_right = LAYERS[LAYERS.index(layer) + 1 :]
         for package in {module.split(".")[1] for module in modules if module.startswith("sonarmap.")} & set(
             to_the_right
         ):
-            faults.append(f"{named(path)} imports {package}/, which lies to the right of {room}/")
+            faults.append(f"{named(path)} imports {package}/, which lies to the right of {layer}/")
         for package in libraries(modules):
-            if package in ROOMS:
+            if package in LAYERS:
                 faults.append(f"{named(path)} imports {package}, which is sonarmap.{package}")
-            if OWNERS.get(package, room) != room:
+            if OWNERS.get(package, layer) != layer:
                 faults.append(f"{named(path)} imports {package}, which belongs to {OWNERS[package]}/ alone")
     assert not faults
-    assert {room_of(path) for path in FILES} == set(ROOMS)
-    links = {room: (ROOT / room).readlink().as_posix() for room in ROOMS}  # so that the top level shows them, too
-    assert links == {room: f"sonarmap/{room}" for room in ROOMS}
+    assert {layer_of(path) for path in FILES} == set(LAYERS)
+    links = {layer: (ROOT / layer).readlink().as_posix() for layer in LAYERS}  # the top level shows them, too
+    assert links == {layer: f"sonarmap/{layer}" for layer in LAYERS}
 
 
-def test_slow_libraries_load_late() -> None:
-    """Inside the function that uses them."""
+def test_slow_libraries_are_imported_inside_functions() -> None:
     early = {named(path): libraries(imported_at_load(parse(path))) & LATE for path in FILES}
     assert not {name: found for name, found in early.items() if found}
 
@@ -119,27 +118,27 @@ MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path
 
 @cache
 def imports() -> dict[str, set[str]]:
-    """What each module imports of our own."""
+    """The modules of this package that each module imports."""
     return {name: imported_by(path) & set(MODULES) for name, path in MODULES.items()}
 
 
-def test_no_import_circle() -> None:
-    """Neither at load nor inside functions: what two files need of each other belongs into a third."""
-    assert not circle_in(imports())
+def test_no_import_cycle() -> None:
+    """Neither at load nor inside functions: code that two files need of each other belongs in a third."""
+    assert not cycle_in(imports())
 
 
-def test_no_import_circle_between_folders() -> None:
-    """The folders in a folder are built on one another one way, as files are, and the wings of tools in their order."""
+def test_no_import_cycle_between_folders() -> None:
+    """Subfolders of a folder import each other one way only, those of tools in the order of SUBFOLDERS."""
     for folder in (PACKAGE, *FOLDERS):
-        assert not circle_in(folders_in(folder)), named(folder)
+        assert not cycle_in(folders_in(folder)), named(folder)
     graph = folders_in(PACKAGE / "tools")
-    assert set(graph) == set(WINGS)
-    for wing in WINGS:
-        assert graph[wing] <= set(WINGS[: WINGS.index(wing)]), wing
+    assert set(graph) == set(SUBFOLDERS)
+    for subfolder in SUBFOLDERS:
+        assert graph[subfolder] <= set(SUBFOLDERS[: SUBFOLDERS.index(subfolder)]), subfolder
 
 
 def folders_in(folder: Path) -> dict[str, set[str]]:
-    """What each folder in this one imports of the others in it."""
+    """The sibling folders that each subfolder imports."""
     inside = len(folder.relative_to(ROOT).parts)
     begins = ".".join(folder.relative_to(ROOT).parts) + "."
     graph: dict[str, set[str]] = {}

@@ -1,4 +1,4 @@
-"""The pages of docs/, README and CHANGELOG: files and links that they name exist."""
+"""Files, classes and links named in docs/, README and CHANGELOG exist."""
 
 import re
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ def defined(pattern: str, text: str) -> bool:
 
 
 def absent(text: str) -> Iterator[str]:
-    """What a page names that is not there."""
+    """Paths and classes that a page names but that do not exist."""
     for path in {*PATHS.findall(text), *FILES.findall(text)}:
         if not PLACEHOLDER.search(path) and not (ROOT / path).exists():
             yield path
@@ -40,17 +40,17 @@ def absent(text: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_what_is_named_is_there(page: Path) -> None:
+def test_named_paths_and_classes_exist(page: Path) -> None:
     assert not [*absent(page.read_text())]
 
 
-def test_what_is_not_there_is_found() -> None:
+def test_missing_paths_and_classes_are_reported() -> None:
     page = "`tools/nowhere.py`; `PlaceIndex.gone`; `GoneClass`"
     assert {*absent(page)} == {"tools/nowhere.py", "PlaceIndex.gone", "GoneClass."}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_targets_of_links_exist(page: Path) -> None:
     missing = []
     for link in LINKS.findall(page.read_text()):
         file, _, heading = link.partition("#")

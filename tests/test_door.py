@@ -1,6 +1,5 @@
-"""The public door: `import sonarmap` offers what the rooms declare, documented, and loads nothing before it is used."""
+"""The public API: `import sonarmap` offers the documented names of its packages, and loads libraries on first use."""
 
-# so that the misspelled name below is one to the type checker, too
 import inspect
 import re
 import subprocess
@@ -25,10 +24,10 @@ VALUES = {name: getattr(sonarmap, name) for name in NAMES}
 
 
 class TestNames:
-    def test_they_are_those_of_the_rooms(self) -> None:
-        rooms = [import_module(f"sonarmap.{room}") for room in ("spectral", "slam", "tools")]
+    def test_public_names_are_those_of_the_packages(self) -> None:
+        packages = [import_module(f"sonarmap.{package}") for package in ("spectral", "slam", "tools")]
         kernels = {name for name in NAMES if VALUES[name].__module__.startswith("sonarmap.kernels.")}
-        assert set(NAMES) == {name for room in rooms for name in room.__all__} | kernels
+        assert set(NAMES) == {name for package in packages for name in package.__all__} | kernels
         assert kernels < set(import_module("sonarmap.kernels").__all__)
         assert all(getattr(sonarmap, name) is not None for name in NAMES)
         names: dict[str, object] = {}
@@ -38,10 +37,10 @@ class TestNames:
             # pyrefly: ignore[missing-attribute]
             _ = sonarmap.registre
 
-    def test_it_loads_no_library_and_goes_with_packages_of_the_names_of_its_own(self, tmp_path: Path) -> None:
-        for room in ("kernels", "spectral", "slam", "tools"):
-            (tmp_path / room).mkdir()
-            (tmp_path / room / "__init__.py").write_text(f"raise SystemExit('the {room} of another project')\n")
+    def test_import_loads_no_library_and_ignores_other_packages_of_the_same_names(self, tmp_path: Path) -> None:
+        for package in ("kernels", "spectral", "slam", "tools"):
+            (tmp_path / package).mkdir()
+            (tmp_path / package / "__init__.py").write_text(f"raise SystemExit('the {package} of another project')\n")
         program = (
             "import sys, sonarmap; print([m for m in ('numpy', 'scipy', 'gtsam', 'pyopencl') if m in sys.modules])\n"
             "print(sonarmap.Scan.__module__, callable(sonarmap.register))"
@@ -55,7 +54,7 @@ def described(value: Any) -> str:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_and_arguments_and_what_is_raised_are_described(name: str) -> None:
+def test_names_arguments_and_exceptions_are_documented(name: str) -> None:
     value, docstring = VALUES[name], described(VALUES[name])
     assert len(docstring) > 15
     if is_dataclass(value):
@@ -87,7 +86,7 @@ T_TARGET_SOURCE = RigidTransform.from_exp_coords([0.02, -0.03, 0.4, 2.0, -1.5, 0
 class TestRegister:
     @pytest.mark.parametrize("dtype", [np.float16, pytest.param(np.float64, marks=pytest.mark.slow)])
     def test_two_clouds_of_any_float_type(self, tmp_path: Path, dtype: type) -> None:
-        """Given as the path of a file, and as an array."""
+        """The target is the path of a file, the source an array."""
         np.save(tmp_path / "target.npy", points(1, dtype))
         source = T_TARGET_SOURCE.inv().apply(points(2)).astype(dtype)
         found = sonarmap.register(tmp_path / "target.npy", source, edge=32)
@@ -96,7 +95,7 @@ class TestRegister:
         assert error.rotation.magnitude() < 0.02
 
     @pytest.mark.slow
-    def test_prepared_scans_give_the_same(self) -> None:
+    def test_prepared_scans_give_the_same_transform(self) -> None:
         source = T_TARGET_SOURCE.inv().apply(points(2))
         a, b = sonarmap.prepare([points(1), source], edge=32)
         again, once = sonarmap.register(a, b), sonarmap.register(points(1), source, edge=32)
@@ -120,13 +119,13 @@ class TestRegister:
             (points(1) + 5000.0, {}, r"map coordinates .*local grid"),
         ],
     )
-    def test_what_cannot_be_used_is_refused(self, target: Any, options: dict[str, Any], message: str) -> None:
+    def test_invalid_arguments_are_refused(self, target: Any, options: dict[str, Any], message: str) -> None:
         with pytest.raises(sonarmap.InputError, match=message) as refused:
-            door.register(target, points(2), **{"method": "icp"} | options)
+            api.register(target, points(2), **{"method": "icp"} | options)
         assert "--" not in str(refused.value)  # arguments, not options of the command line
 
     def test_map_coordinates_are_refused(self, tmp_path: Path) -> None:
-        """As those of a file are; as float32 they are off by centimeters."""
+        """In arrays as in files; float32 would round them to centimeters."""
         far = points(1) + np.array([500_000.0, 5_800_000.0, 0.0])
         np.save(tmp_path / "far.npy", far)
         words = r"8,000 of 8,000 points .*lie beyond 100 km .*map coordinates.*subtract the sensor's position"
@@ -137,8 +136,7 @@ class TestRegister:
             with pytest.raises(sonarmap.InputError, match="these look like map coordinates"):
                 use([far.astype(np.float32), points(2)])
 
-    def test_what_is_beside_points_is_left_out_or_refused(self, caplog: pytest.LogCaptureFixture) -> None:
-        """Further columns, points that are not finite, masks."""
+    def test_extra_columns_and_bad_points_are_dropped_and_masks_refused(self, caplog: pytest.LogCaptureFixture) -> None:
         wide = np.column_stack([points(1), np.full(8000, -1.0), np.full(8000, np.nan)])
         wide[::8, :3] = np.nan
         wide[1::8, 2] = np.inf
@@ -159,8 +157,7 @@ class TestRegister:
                 use()
 
     @pytest.mark.parametrize("tensors", [False, True])
-    def test_a_cloud_of_open3d(self, tensors: bool) -> None:
-        """Without its points that are not finite."""
+    def test_points_of_open3d_that_are_not_finite_are_dropped(self, tensors: bool) -> None:
         o3d = pytest.importorskip("open3d")
         holed = points(1)
         holed[3] = np.nan
@@ -170,9 +167,9 @@ class TestRegister:
         np.testing.assert_array_equal(scan.scan.points, np.delete(holed, 3, axis=0).astype(np.float32))
 
 
-class TestOtherDoors:
+class TestOtherFunctions:
     def test_scans_of_a_folder_are_mapped_and_the_graph_optimized(self, tmp_path: Path) -> None:
-        """By a method of one's own; a graph and its file are optimized alike."""
+        """With a custom method; a graph and its file give the same poses."""
         from sonarmap.tools.files.writers.poses import write_g2o
 
         for scan in scans_of(TRUTH):
@@ -187,10 +184,10 @@ class TestOtherDoors:
         np.testing.assert_allclose(T.as_matrix(), again.as_matrix(), atol=1e-6)
         for name, words in (("objective", "choose one of full, isotropic"), ("start", "choose one of chordal, given")):
             with pytest.raises(sonarmap.InputError, match=f"`{name}='zz'` is not known; {words}"):
-                door.optimize(graph, **{name: "zz"})
+                api.optimize(graph, **{name: "zz"})
 
-    def test_arrays_get_their_times_and_what_navigation_measured(self) -> None:
-        """A heading of one scan brings the map into the world; wrong numbers of either are refused."""
+    def test_map_scans_uses_stamps_and_priors(self) -> None:
+        """The prior of one scan places the map in the world; wrong numbers of stamps or priors are refused."""
         method, stamps = KnowingRegistrar(TRUTH, 1e-4 * np.eye(6)), [10.0, 12.5, 15.0, 17.5]
         T = RigidTransform.from_components([4.0, -3.0, -2.0], Rotation.from_euler("z", 0.7)) * TRUTH[0]
         prior = sonarmap.PosePrior(T, np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))
@@ -204,10 +201,10 @@ class TestOtherDoors:
             ({"priors": [T] * 4}, "`priors=.*wanted a PosePrior of each scan"),
         ):
             with pytest.raises(sonarmap.InputError, match=words):
-                door.map_scans(scans, method=method, voxel=0.5, **given)
+                api.map_scans(scans, method=method, voxel=0.5, **given)
 
-    def test_scans_with_other_axes_units_and_ranges(self, tmp_path: Path) -> None:
-        """As of `map`: frd in millimeters, and ranges 2 % too short."""
+    def test_read_scans_corrects_axes_units_and_ranges(self, tmp_path: Path) -> None:
+        """Axes frd in millimeters with ranges 2 % too short, and a corrected speed of sound."""
         np.save(tmp_path / "scan.npy", np.array([[1000.0, -2500.0, 750.0], [300.0, 40.0, -5000.0]]))
         (scan,) = sonarmap.read_scans(tmp_path, frame="frd", units="mm", range_scale=1.02)
         np.testing.assert_allclose(scan.points, [[1.02, 2.55, -0.765], [0.306, -0.0408, 5.1]], rtol=1e-6)
@@ -226,7 +223,7 @@ class TestOtherDoors:
             ({"sound_speed": 1500.0}, r"scan\.npy: `sound_speed=1500` cannot be used"),
         ],
     )
-    def test_corrections_that_cannot_be(self, tmp_path: Path, given: dict[str, Any], words: str) -> None:
+    def test_invalid_corrections_are_refused(self, tmp_path: Path, given: dict[str, Any], words: str) -> None:
         np.save(tmp_path / "scan.npy", points(1))
         with pytest.raises(sonarmap.InputError, match=words):
             sonarmap.read_scans(tmp_path, **given)
@@ -244,32 +241,32 @@ class TestOtherDoors:
         for each in (navigated, result, result.solution, written):
             assert len(str(each).splitlines()) <= 4
 
-    def test_scans_of_a_folder(self, tmp_path: Path) -> None:
+    def test_scans_of_a_folder_are_in_numeric_order(self, tmp_path: Path) -> None:
         for k in (10, 9):
             np.save(tmp_path / f"scan_{k}.npy", points(k))
         assert [scan.name for scan in sonarmap.read_scans(tmp_path)] == ["scan_9", "scan_10"]
 
 
-door: Any = sonarmap  # to which a test may give what its types forbid
+api: Any = sonarmap  # without types, so that tests may pass invalid arguments
 
 
 class Broken:
-    """What fails when it is made an array."""
+    """Raises an error when it is converted to an array."""
 
     def __array__(self, *_: object) -> np.ndarray:
         raise RuntimeError("no memory left")
 
 
 class TestArguments:
-    """What is of another type is refused by its name, with what was given and what is wanted."""
+    """Arguments of a wrong type are refused by name, with what was given and what is wanted."""
 
     @pytest.mark.parametrize("number", [Fraction(3, 2), np.float16(1.5)])
     @pytest.mark.filterwarnings("error")
-    def test_numbers_of_any_kind(self, number: Any) -> None:
+    def test_numbers_of_any_type_are_accepted(self, number: Any) -> None:
         options = {"edge": np.int8(32), "voxel": number, "max_tilt": number, "seed": np.uint64(3)}
-        grid = door.prepare([points(1)], **options)[0].registrar.grid
-        assert (grid, type(grid.edge), type(grid.voxel)) == (door.Grid(32, 1.5), int, float)
-        assert door.map_scans(scans_of(TRUTH), method=KNOWING, **options).voxel == 1.5
+        grid = api.prepare([points(1)], **options)[0].registrar.grid
+        assert (grid, type(grid.edge), type(grid.voxel)) == (api.Grid(32, 1.5), int, float)
+        assert api.map_scans(scans_of(TRUTH), method=KNOWING, **options).voxel == 1.5
 
     @pytest.mark.parametrize(
         ("name", "value", "words"),
@@ -291,12 +288,12 @@ class TestArguments:
             ("method", [], "wanted the name of a method"),
         ],
     )
-    def test_of_registration(self, name: str, value: object, words: str) -> None:
+    def test_invalid_arguments_of_registration(self, name: str, value: object, words: str) -> None:
         given = {"method": "icp", name: value}
         for call in (
-            lambda: door.register(points(1), points(2), **given),
-            lambda: door.prepare([points(1)], **given),
-            lambda: door.map_scans([points(1), points(2)], **given),
+            lambda: api.register(points(1), points(2), **given),
+            lambda: api.prepare([points(1)], **given),
+            lambda: api.map_scans([points(1), points(2)], **given),
         ):
             with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={shortened(value)}`") + f".*{words}"):
                 call()
@@ -304,31 +301,31 @@ class TestArguments:
     @pytest.mark.parametrize(
         ("call", "words"),
         [
-            (lambda: door.map_scans(None), "`scans=None` cannot be used; wanted a list of scans"),
-            (lambda: door.map_scans(points(1)), r"give one as `\[points\]`"),
-            (lambda: door.map_scans([None, points(1)]), r"scan 0 is object of shape \(\); wanted points"),
-            (lambda: door.map_scans([[[1, 2, 3], [4]]]), "scan 0 is not an array .*wanted points"),
-            (lambda: door.map_scans([points(1)] * 2, settings=3), "`settings=3` .*wanted MapperSettings or None"),
-            (lambda: door.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
-            (lambda: door.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
-            (lambda: door.map_scans([points(1)] * 2, method=KnowingRegistrar), "`method=<class .*a Registrar of"),
-            (lambda: door.map_scans([points(1)] * 2, progress=5), "`progress=5` .*wanted a function of"),
-            (lambda: door.map_scans([Broken(), points(1)]), "scan 0 is not an array .no memory left.; wanted points"),
-            (lambda: door.map_scans([]), "`scans` holds no scans; wanted at least one"),
-            (lambda: door.prepare([]), "`scans` holds no scans; wanted at least one"),
-            (lambda: door.prepare("nofile"), "`scans='nofile'` cannot be used; wanted a list of scans; `map_scans` t"),
-            (lambda: door.prepare(Path("nofile")), "`scans=.*Path.* cannot be used; wanted a list of scans"),
-            (lambda: door.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
-            (lambda: door.read_scans(5), r"`paths=\(5,\)` .*wanted a path"),
-            (lambda: door.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
-            (lambda: door.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
-            (lambda: door.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
-            (lambda: door.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
-            (lambda: door.optimize("a.g2o", objective=np.zeros(2)), "`objective=array.*wanted 'full' or"),
-            (lambda: door.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal' or 'given'"),
+            (lambda: api.map_scans(None), "`scans=None` cannot be used; wanted a list of scans"),
+            (lambda: api.map_scans(points(1)), r"give one as `\[points\]`"),
+            (lambda: api.map_scans([None, points(1)]), r"scan 0 is object of shape \(\); wanted points"),
+            (lambda: api.map_scans([[[1, 2, 3], [4]]]), "scan 0 is not an array .*wanted points"),
+            (lambda: api.map_scans([points(1)] * 2, settings=3), "`settings=3` .*wanted MapperSettings or None"),
+            (lambda: api.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
+            (lambda: api.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
+            (lambda: api.map_scans([points(1)] * 2, method=KnowingRegistrar), "`method=<class .*a Registrar of"),
+            (lambda: api.map_scans([points(1)] * 2, progress=5), "`progress=5` .*wanted a function of"),
+            (lambda: api.map_scans([Broken(), points(1)]), "scan 0 is not an array .no memory left.; wanted points"),
+            (lambda: api.map_scans([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: api.prepare([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: api.prepare("nofile"), "`scans='nofile'` cannot be used; wanted a list of scans; `map_scans` t"),
+            (lambda: api.prepare(Path("nofile")), "`scans=.*Path.* cannot be used; wanted a list of scans"),
+            (lambda: api.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
+            (lambda: api.read_scans(5), r"`paths=\(5,\)` .*wanted a path"),
+            (lambda: api.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
+            (lambda: api.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
+            (lambda: api.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
+            (lambda: api.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
+            (lambda: api.optimize("a.g2o", objective=np.zeros(2)), "`objective=array.*wanted 'full' or"),
+            (lambda: api.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal' or 'given'"),
         ],
     )
-    def test_of_the_others(self, call: Any, words: str) -> None:
+    def test_invalid_arguments_of_other_functions(self, call: Any, words: str) -> None:
         with pytest.raises(sonarmap.InputError, match=words):
             call()
 
@@ -339,10 +336,10 @@ class TestArguments:
             *([0, [1]], [[0, 0]], [1, 0], [0.0, 1.0], [False, True], np.array(0), np.zeros((2, 1), int)),
         ],
     )
-    def test_surveys_that_number_no_scans(self, surveys: object) -> None:
+    def test_invalid_survey_numbers(self, surveys: object) -> None:
         words = r"(?s)`surveys=.*cannot be used; wanted the number of each scan's survey, ascending, 2 in all"
         with pytest.raises(sonarmap.InputError, match=words):
-            door.map_scans([points(1)] * 2, method="icp", surveys=surveys)
+            api.map_scans([points(1)] * 2, method="icp", surveys=surveys)
 
 
 BAD = [None, "text", -1, 0.0, True, np.nan, [], [None], {}, np.zeros((2, 2)), np.full((4, 3), np.nan), np.empty((0, 3))]
@@ -353,13 +350,13 @@ MADE = {"method": "icp", "voxel": 0.5, "edge": 32, "max_tilt": 0.6, "device": No
 @pytest.fixture(scope="module")
 def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     folder, scans = tmp_path_factory.mktemp("valid"), scans_of(TRUTH)[:2]
-    result = door.map_scans(scans, method=KNOWING, voxel=0.5)
-    finished = door.write_map(result, folder / "map", report=False)
+    result = api.map_scans(scans, method=KNOWING, voxel=0.5)
+    finished = api.write_map(result, folder / "map", report=False)
     rows = "".join(f"{scan.name},3.0,0.1\n" for scan in scans)
     (folder / "log.csv").write_text("name,depth_m,depth_sigma_m\n" + rows)
     np.save(folder / "a.npy", points(1))
     pair = {"target": points(1)[::8], "source": points(1)[::8], **MADE}
-    graph = door.PoseGraph(result.trajectory, result.edges)
+    graph = api.PoseGraph(result.trajectory, result.edges)
     corrections = {"sound_speed": None, "range_scale": 1.0, "frame": "flu", "units": "m"}
     survey = dict.fromkeys(("settings", "surveys", "odometry", "progress")) | {"ties": (), "control": ()}
     options = dict.fromkeys(("origin", "cell", "scans", "progress"))
@@ -384,22 +381,22 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]
     }
 
 
-class TestBadArguments:
-    """Of each kind, in each place: what is not taken is refused by an error of ours, which names that argument and no
-    option of the command line."""
+class TestBadValues:
+    """A bad value of any argument is accepted or raises SonarmapError, whose message names the argument and no option
+    of the command line."""
 
     QUICK = ("choose_device", "choose_grid", "prepare", "read_scans", "optimize", "read_navigation")
     SLOW = tuple(pytest.param(name, marks=pytest.mark.slow) for name in ("register", "map_scans", "export_map", "fuse"))
 
     @pytest.mark.parametrize("name", [*QUICK, *SLOW])
-    def test_are_refused_by_an_error_of_ours(self, name: str, valid: dict[str, dict[str, Any]], tmp_path: Path) -> None:
+    def test_raise_only_sonarmap_errors(self, name: str, valid: dict[str, dict[str, Any]], tmp_path: Path) -> None:
         def call(given: dict[str, Any]) -> object:
-            function = getattr(door, name)
+            function = getattr(api, name)
             return function(given.pop("paths"), **given) if "paths" in given else function(**given)
 
         call({**valid[name]})
         with pytest.MonkeyPatch.context() as patch:
-            patch.chdir(tmp_path)  # to which some write
+            patch.chdir(tmp_path)  # some functions write to it
             refused: list[tuple[str, str]] = []
             for argument in valid[name]:
                 for value in BAD:
@@ -413,8 +410,8 @@ class TestBadArguments:
             assert {*re.findall(r"`(\w+)=", words)} <= {argument, "edge", "units"}, words
 
     @pytest.mark.parametrize("spoil", [np.nan, np.inf, -1.0])
-    def test_covariances_that_are_none(self, spoil: float, valid: dict[str, dict[str, Any]]) -> None:
+    def test_invalid_covariances_are_refused(self, spoil: float, valid: dict[str, dict[str, Any]]) -> None:
         given = valid["fuse"]["covariances"].copy()
         given[1, 2, 2] = spoil
         with pytest.raises(sonarmap.InputError, match="`covariances"):
-            door.fuse(**valid["fuse"] | {"covariances": given})
+            api.fuse(**valid["fuse"] | {"covariances": given})

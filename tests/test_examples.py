@@ -1,4 +1,4 @@
-"""The examples of docs/examples/ run, and say what their readers will see."""
+"""The examples of docs/examples/ run and print the expected results."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ EXAMPLES = ROOT / "docs" / "examples"
 
 
 def run(name: str, *arguments: object) -> str:
-    """What the example prints."""
+    """Output of an example."""
     command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
     ended = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
     assert ended.returncode == 0, ended.stderr
@@ -33,7 +33,7 @@ def survey(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_they_run(survey: Path, tmp_path: Path) -> None:
+def test_examples_run_and_print_results(survey: Path, tmp_path: Path) -> None:
     assert [path.name[:2] for path in sorted(EXAMPLES.glob("*.py"))] == ["01", "02", "03", "04", "05", "06", "07"]
     shown = run("01_register_two_arrays.py")
     assert "accepted: True" in shown

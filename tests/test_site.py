@@ -1,4 +1,4 @@
-"""The documentation as a site: it builds without a warning, has no dead link, and needs no other machine."""
+"""The documentation site: it builds without warnings or dead links, and loads nothing from other machines."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_pages_and_public_names_are_there(site: Path) -> None:
+def test_all_pages_and_public_names_exist(site: Path) -> None:
     pages = {path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")}
     pages |= {Path(name) for name in ("index.html", "changelog.html", "license.html", "api/index.html")}
     assert not [page for page in sorted(pages) if not (site / page).exists()]

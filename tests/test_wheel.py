@@ -1,4 +1,4 @@
-"""The wheel: what is in it, and that it works in an environment of its own."""
+"""The wheel: its files, and its use in a fresh environment."""
 
 import os
 import re
@@ -35,7 +35,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_kind_of_file_is_packaged() -> None:
-    """Known by the ends of their names; the scripts of tools/ are for a checkout."""
+    """Kinds are suffixes of file names; the shell scripts of tools/ are not packaged."""
     packaged = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["*"]
     suffixes = {Path(name).suffix for name in packaged} | {".typed", ".py"}
     assert suffixes == SUFFIXES
@@ -77,8 +77,8 @@ def test_every_imported_library_is_a_dependency() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_the_wheel_maps_in_an_environment_of_its_own_and_simulates_with_the_extra(wheel: Path, tmp_path: Path) -> None:
-    """In a folder with other packages of the names that sonarmap's own have within it."""
+def test_the_wheel_maps_in_a_fresh_environment_and_simulates_with_the_lab_extra(wheel: Path, tmp_path: Path) -> None:
+    """The working folder holds other packages named as subpackages of sonarmap."""
     environment = {name: text for name, text in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
     for name in ("tools", "kernels"):
         (tmp_path / name).mkdir()

@@ -1,4 +1,4 @@
-"""Plain English: words that puzzle readers stand neither on pages nor in messages nor in the help."""
+"""Plain English: pages, messages and help contain none of the refused words."""
 
 import ast
 import re
@@ -35,7 +35,7 @@ def named(page: Path) -> str:
 
 
 def refused_in(text: str) -> list[str]:
-    """What is refused, each with what to say instead."""
+    """Refused words of a text, each with a replacement."""
     words = " ".join(text.split())
     return [
         f"{match[0]!r}: say {instead!r}"
@@ -62,13 +62,13 @@ def test_messages_are_in_plain_english(package: str) -> None:
 
 @pytest.mark.parametrize("page", WEB, ids=named)
 def test_the_report_is_in_plain_english(page: Path) -> None:
-    """Its texts, that is what is quoted, and what stands between tags."""
+    """Its texts are quoted strings and text between tags."""
     text = " ".join(re.findall(r'"[^"\n]*"|`[^`]*`|>[^<]*<', page.read_text()))
     assert not refused_in(text)
 
 
 def messages_in(path: Path) -> Iterator[tuple[int, str]]:
-    """The strings of a file with their lines; of docstrings those of verbs alone, which are the help."""
+    """Lines and strings of a file; of its docstrings only those of verbs, which are the help."""
     tree = ast.parse(path.read_text())
     docstrings = {
         id(node.body[0].value)

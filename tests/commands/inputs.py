@@ -1,4 +1,4 @@
-"""What pages start from: simulated scans, recordings and logs of one dive, under the names that the pages use.
+"""Inputs of the pages' commands: simulated scans, recordings and logs of one dive, under the names that the pages use.
 
 All but `A` and `B` are of the same few scans of a flood gate, so that logs and scans belong together.
 """
@@ -27,14 +27,14 @@ LATITUDE, LONGITUDE = 60.3913, 5.3221  # of the scene's origin
 METERS = 111_320.0  # in a degree of latitude
 ZONE = "EPSG:25832"
 FIELDS = (("x", "f4", 0), ("y", "f4", 4), ("z", "f4", 8), ("intensity", "f4", 12))
-EVERY = 3  # point of a cloud of a bag
+EVERY = 3  # step between the points that bags keep of a cloud
 
 
 class Inputs:
     """Makes each input once, in a folder of its own, and copies it to where a page's commands run."""
 
     def __init__(self, kept: Path) -> None:
-        """`kept` is a folder that may be filled."""
+        """`kept`: folder in which the inputs are made."""
         self.kept = kept
 
     def give(self, name: str, folder: Path) -> None:
@@ -45,14 +45,14 @@ class Inputs:
             shutil.copy(made, folder / name)
 
     def made(self, name: str) -> Path:
-        """Where the input is, now that it is made."""
+        """Path of the input, which the first call makes."""
         path = self.kept / name
         if not path.exists():
             INPUTS[name](self, path)
         return path
 
     def rows(self) -> list[dict[str, float]]:
-        """What instruments measured of each scan."""
+        """Simulated measurements of navigation, one row per scan."""
         with (self.made("measured") / "priors.csv").open() as file:
             return [{key: float(cell) for key, cell in row.items() if key != "name"} for row in csv.DictReader(file)]
 
@@ -84,7 +84,7 @@ def place_of(row: dict[str, float]) -> tuple[float, float]:
 
 
 def made_by(line: str, *names: str) -> Callable[[Inputs, Path], None]:
-    """What a command writes that is given the inputs of these names."""
+    """An input that a command writes from the inputs of these names."""
 
     def make(inputs: Inputs, path: Path) -> None:
         ended = sonarmap(*line.split(), *(str(inputs.made(name)) for name in names), "-o", str(path))
@@ -94,7 +94,7 @@ def made_by(line: str, *names: str) -> Callable[[Inputs, Path], None]:
 
 
 def dive_folder(inputs: Inputs, path: Path) -> None:
-    """The scans with times."""
+    """Write the scans with stamps."""
     path.mkdir()
     for k in range(len(inputs.rows())):
         table = inputs.points(k)
@@ -107,7 +107,7 @@ def sonar_recording(inputs: Inputs, path: Path) -> None:
 
 
 def bag(inputs: Inputs, path: Path) -> None:
-    """Clouds and dead reckoning of the dive."""
+    """A bag of clouds and dead reckoning of the dive."""
     poses = read_tum(inputs.made("scans") / "truth.tum").T_world_sensor
     records = []
     for k in range(len(inputs.rows())):
@@ -128,14 +128,14 @@ def vehicle_log(inputs: Inputs, path: Path) -> None:
 
 
 def named_log(inputs: Inputs, path: Path) -> None:
-    """By the scans' names, without standard deviations."""
+    """A log by scan names, without standard deviations."""
     names = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
     rows = [(f"scan_{k:03d}", *(row[name] for name in names)) for k, row in enumerate(inputs.rows())]
     write_rows(path, ["name", *names], rows)
 
 
 def grid_log(inputs: Inputs, path: Path) -> None:
-    """Eastings, northings and grid headings."""
+    """A log of eastings, northings and grid headings."""
     from pyproj import Proj, Transformer
 
     convert, grid = Transformer.from_crs("EPSG:4326", ZONE, always_xy=True), Proj(ZONE)
@@ -185,7 +185,7 @@ def ties(inputs: Inputs, path: Path) -> None:
 
 
 def control(inputs: Inputs, path: Path) -> None:
-    """A point of every other scan, with its true place."""
+    """Control points: one of every other scan, with its true position."""
     poses = read_tum(inputs.made("scans") / "truth.tum").T_world_sensor
     points = {k: inputs.points(k)[100 * k, :3] for k in range(0, len(poses), 2)}
     rows = [(f"mark {k}", f"scan_{k:03d}", *p, *poses[k].apply(p), 0.5) for k, p in points.items()]
@@ -214,7 +214,7 @@ def one_line(number: int) -> Callable[[Inputs, Path], None]:
 
 INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
     "scans": made_by(GATE),
-    # the same scans with what instruments measured of them
+    # the same scans with measurements of navigation
     "measured": made_by(f"{GATE} --priors attitude,heading,depth,position --fix-sigma 1"),
     "map": made_by("map --grid 64", "scans"),
     "dive": dive_folder,

@@ -1,6 +1,6 @@
 """The commands of README and docs, page by page, in their order.
 
-A page says what it starts from, and what is not run and why, in comments that readers do not see:
+Comments in a page, which readers do not see, name its inputs, and the commands that are not run:
 
     <!-- commands: scans nav.csv -->                                     inputs, keys of INPUTS in inputs.py
     <!-- not run: sonarmap record: needs a sonar on the network -->      the start of commands, and the reason
@@ -19,7 +19,7 @@ from typer.core import TyperCommand, TyperGroup
 from sonarmap.tools.command.main import app
 from tests.samples.places import ROOT
 
-UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # typer has click's in itself, under no public name
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # click's, which typer bundles without a public name
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _BLOCK = re.compile(r"^```(sh|console|python)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
@@ -32,12 +32,12 @@ _PLACEHOLDER = re.compile(r"\.\.\.|\b(VERB|OUT|SCANS|TARGET|SOURCE|IN\.g2o|DIR|F
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """A command, or a program in Python, of a page, as a shell or Python takes it."""
+    """A shell command or a Python program of a page."""
 
     text: str
     language: Literal["sh", "python"]
     inline: bool  # it stands in a sentence or a table
-    not_run: str  # why it is not; empty where it is run
+    not_run: str  # the reason; empty if it is run
 
 
 SHELL = ("|", "&&", ">", ">>")
@@ -48,13 +48,13 @@ def named(page: Path) -> str:
 
 
 def starts(page: Path) -> list[str]:
-    """What the page's commands start from."""
+    """Names of the inputs of the page's commands."""
     return [name for names in _STARTS.findall(page.read_text()) for name in names.split()]
 
 
 @cache
 def examples(page: Path) -> tuple[Example, ...]:
-    """Every command of the page, in the page's order; of a sentence those alone that are complete."""
+    """All commands of the page in its order; those within sentences only if they are complete."""
     text, reasons = page.read_text(), _NOT_RUN.findall(page.read_text())
     found: list[tuple[int, Example]] = []
     for block in _BLOCK.finditer(text):
@@ -67,11 +67,11 @@ def examples(page: Path) -> tuple[Example, ...]:
         if is_complete(example.text):
             found.append((span.start(), example))
     ordered = [example for _, example in sorted(found, key=lambda item: item[0])]
-    return tuple(dict.fromkeys(ordered))  # what is there twice, once
+    return tuple(dict.fromkeys(ordered))  # without repetitions
 
 
 def mentions(page: Path) -> list[str]:
-    """What sentences say of commands, complete or not: `sonarmap map ... --export laz`."""
+    """Commands within sentences, complete or not: `sonarmap map ... --export laz`."""
     return [" ".join(span.split()) for span in _INLINE.findall(_FENCED.sub("", page.read_text()))]
 
 
@@ -103,19 +103,19 @@ def verbs() -> dict[str, TyperCommand]:
 
 
 def all_options() -> set[str]:
-    """Of sonarmap itself and of all verbs, long and short."""
+    """Options of sonarmap itself and of all verbs, long and short."""
     return options_of().union(*(options_of(verb) for verb in verbs()))
 
 
 def options_of(verb: str | None = None) -> set[str]:
-    """Of a verb, or of sonarmap itself."""
+    """Options of a verb, or of sonarmap itself."""
     params = command().params if verb is None else verbs()[verb].params
     return {"--help", "-h"}.union(*({*option.opts, *option.secondary_opts} for option in params))
 
 
 def words_of(text: str) -> list[str]:
-    """The words of a command of sonarmap, from its verb on: without variables and options before it, and without what
-    the shell is told after it."""
+    """The words of a sonarmap command from its verb on, without variables and options before it, and without pipes and
+    redirections after it."""
     words = shlex.split(text)
     words = words[words.index("sonarmap") + 1 :] if "sonarmap" in words else []
     words = words[2:] if words[:1] == ["--config"] else words
@@ -124,7 +124,7 @@ def words_of(text: str) -> list[str]:
 
 
 def parse(text: str) -> None:
-    """Take the command apart as the real command line does, with its UsageErrors; nothing is run."""
+    """Parse the command with the real command line, which raises UsageError; nothing is run."""
     verb, *arguments = words_of(text)
     if verb not in verbs():
         raise UsageError(f"there is no verb {verb!r}")

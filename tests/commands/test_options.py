@@ -1,4 +1,4 @@
-"""Every verb and option that README and docs name exists, by the real command line; nothing is run here."""
+"""Every verb and option that README and docs name exists in the real command line; nothing is run here."""
 
 import shlex
 from pathlib import Path
@@ -39,17 +39,17 @@ def test_pages_have_commands_and_wrong_ones_are_refused() -> None:
 def test_commands_of_blocks_are_complete(page: Path) -> None:
     for example in examples(page):
         if not example.inline and example.language == "sh" and words_of_shell(example.text):
-            parse(example.text)  # or it says what is wrong
+            parse(example.text)  # raises UsageError for a wrong command
 
 
 def words_of_shell(text: str) -> list[str]:
-    """Of a command line that begins with sonarmap, maybe after variables."""
+    """Words of a line that begins with sonarmap, after optional variables; none of another line."""
     words = [word for word in shlex.split(text) if "=" not in word or word.startswith("-")]
     return words_of(text) if words[:1] == ["sonarmap"] else []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_verbs_and_options_that_sentences_name_exist(page: Path) -> None:
+def test_verbs_and_options_named_in_sentences_exist(page: Path) -> None:
     wrong = []
     for text in mentions(page):
         verb, *rest = words_of(text)
@@ -64,5 +64,5 @@ def test_verbs_and_options_that_sentences_name_exist(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_pages_start_from_what_there_is(page: Path) -> None:
+def test_inputs_named_by_pages_exist(page: Path) -> None:
     assert set(starts(page)) <= set(INPUTS)

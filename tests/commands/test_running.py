@@ -29,8 +29,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """With `sonarmap` and `python` of this checkout, as an activated environment has them, and a browser that does
-    nothing."""
+    """Variables by which `sonarmap` and `python` are those of this checkout, and a browser does nothing."""
     binaries = tmp_path_factory.mktemp("bin")
     program = f"#!/bin/sh\nexec '{SONARMAP[0]}' {SONARMAP[1]} '{SONARMAP[2]}' \"$@\"\n"
     for name, text in (("sonarmap", program), ("python", f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n")):
@@ -43,7 +42,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.timeout(2 * LIMIT)
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_the_page_runs(page: Path, inputs: Inputs, environment: dict[str, str], tmp_path: Path) -> None:
+def test_commands_of_the_page_run(page: Path, inputs: Inputs, environment: dict[str, str], tmp_path: Path) -> None:
     if not examples(page):
         pytest.skip("no commands")
     for name in starts(page):
@@ -54,7 +53,7 @@ def test_the_page_runs(page: Path, inputs: Inputs, environment: dict[str, str], 
 
 @pytest.mark.slow
 def test_the_tutorial_runs_with_few_scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In this process, which has imported everything already."""
+    """Run in this process, which has loaded the libraries already."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BROWSER", "true")
     for example in examples(ROOT / "docs/tutorial.md"):
@@ -65,7 +64,7 @@ def test_the_tutorial_runs_with_few_scans(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def fault_of(example: Example, folder: Path, environment: dict[str, str]) -> str:
-    """What went wrong; empty if nothing did."""
+    """Message about a failed example; empty if it succeeded."""
     if example.not_run:
         print(f"not run, {example.not_run}: {example.text}")
         return ""
