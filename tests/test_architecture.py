@@ -144,9 +144,9 @@ def folders_in(folder: Path) -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for name, imported in imports().items():
         if name.startswith(begins) and name.count(".") > inside:
-            own = name.split(".")[inside]
+            subfolder = name.split(".")[inside]
             others = {
                 other.split(".")[inside] for other in imported if other.startswith(begins) and other.count(".") > inside
             }
-            graph.setdefault(own, set()).update(others - {own})
+            graph.setdefault(subfolder, set()).update(others - {subfolder})
     return graph

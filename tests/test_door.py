@@ -238,8 +238,8 @@ class TestOtherFunctions:
         written = sonarmap.write_map(result, tmp_path / "map", report=False)
         assert str(navigated) == "<Navigated 5 scans: depth of 4>"
         assert str(result.solution).startswith("<Solution of 5 poses and ")
-        for each in (navigated, result, result.solution, written):
-            assert len(str(each).splitlines()) <= 4
+        for value in (navigated, result, result.solution, written):
+            assert len(str(value).splitlines()) <= 4
 
     def test_scans_of_a_folder_are_in_numeric_order(self, tmp_path: Path) -> None:
         for k in (10, 9):

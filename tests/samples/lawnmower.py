@@ -24,8 +24,8 @@ def lawnmower(count: int, loops_per_pose: float, seed: int = 0) -> tuple[RigidTr
     sigmas = SIGMAS * (1 + np.linalg.norm(true.translation, axis=1, keepdims=True) / REACH)
     measured = true * RigidTransform.from_exp_coords(sigmas * rng.normal(size=sigmas.shape))
     edges = tuple(
-        edge(i, j, T_i_j, np.diag(own**2), "sequential" if j == i + 1 else "loop")
-        for (i, j), T_i_j, own in zip(pairs.tolist(), measured, sigmas, strict=True)
+        edge(i, j, T_i_j, np.diag(sigma**2), "sequential" if j == i + 1 else "loop")
+        for (i, j), T_i_j, sigma in zip(pairs.tolist(), measured, sigmas, strict=True)
     )
     return T, chained_graph(edges, count)
 

@@ -27,9 +27,9 @@ def test_verbs_are_listed_in_groups() -> None:
 def test_rare_options_are_counted_in_help_and_listed_in_help_all(verb: str) -> None:
     for parameter in COMMANDS[verb].params:
         assert parameter.help, parameter.name
-    rare = [each for each in COMMANDS[verb].params if each.hidden]
+    rare = [parameter for parameter in COMMANDS[verb].params if parameter.hidden]
     short, long = page(verb, "--help"), page(verb, "--help-all")
     assert (f"{len(rare)} more options: sonarmap {verb} --help-all" in short) == bool(rare)
-    options = [each for each in COMMANDS[verb].params if each.param_type_name == "option"]
+    options = [parameter for parameter in COMMANDS[verb].params if parameter.param_type_name == "option"]
     # pyrefly: ignore[unsupported-operation]
-    assert all(max(each.opts, key=len) in long for each in options)
+    assert all(max(option.opts, key=len) in long for option in options)

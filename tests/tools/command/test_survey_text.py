@@ -125,9 +125,9 @@ def test_contradicted_navigation_is_reported_first_and_the_map_is_incomplete() -
     assert not Mapped(refused, NAMES, Path(), 0).whole
     # one pair of 87 % may be wrong by chance, three may not
     rejected = [
-        replace(each, registration=replace(each.registration, probability=0.87))
-        for each in refused.pairs
-        if not each.kept and each.registration is not None
+        replace(pair, registration=replace(pair.registration, probability=0.87))
+        for pair in refused.pairs
+        if not pair.kept and pair.registration is not None
     ]
     counts = [replace(refused, pairs=tuple(rejected[:n])).refused_for_navigation for n in (1, 3)]
     assert counts == [(0, 0), (3, 3)]

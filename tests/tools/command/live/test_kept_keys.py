@@ -45,16 +45,16 @@ def test_keys_are_read_back_bit_by_bit(tmp_path: Path) -> None:
     given = keep(tmp_path, 3)
     found = list(kept_keys(tmp_path))
     assert len(found) == 3
-    for one, other in zip(given, found, strict=True):
-        assert one.scan.points.tobytes() == other.scan.points.tobytes()
-        assert (one.scan.stamp, one.scan.name, one.behind, one.voxel) == (
-            other.scan.stamp, other.scan.name, other.behind, other.voxel,
+    for written, read in zip(given, found, strict=True):
+        assert written.scan.points.tobytes() == read.scan.points.tobytes()
+        assert (written.scan.stamp, written.scan.name, written.behind, written.voxel) == (
+            read.scan.stamp, read.scan.name, read.behind, read.voxel,
         )  # fmt: skip
-        assert (one.step and to_text(one.step)) == (other.step and to_text(other.step))
-        assert (one.scan.prior is None) == (other.scan.prior is None)
-        if one.scan.prior is not None and other.scan.prior is not None:
-            np.testing.assert_array_equal(one.scan.prior.sigmas, other.scan.prior.sigmas)
-            T, U = one.scan.prior.T_world_sensor, other.scan.prior.T_world_sensor
+        assert (written.step and to_text(written.step)) == (read.step and to_text(read.step))
+        assert (written.scan.prior is None) == (read.scan.prior is None)
+        if written.scan.prior is not None and read.scan.prior is not None:
+            np.testing.assert_array_equal(written.scan.prior.sigmas, read.scan.prior.sigmas)
+            T, U = written.scan.prior.T_world_sensor, read.scan.prior.T_world_sensor
             np.testing.assert_allclose(T.as_matrix(), U.as_matrix(), rtol=0, atol=1e-15)
 
 
@@ -69,7 +69,7 @@ def test_reading_stops_at_a_damaged_or_missing_key(tmp_path: Path, damage: str) 
         changed = whole[:200] + bytes([whole[200] ^ 4]) + whole[201:]
         path.write_bytes({"cut": whole[:-30], "empty": b"", "changed": changed}[damage])
     alerts = list[str]()
-    assert [each.scan.name for each in kept_keys(tmp_path, alerts.append)] == ["001#0", "001#3"]
+    assert [kept.scan.name for kept in kept_keys(tmp_path, alerts.append)] == ["001#0", "001#3"]
     assert alerts == [] if damage == "gone" else [f"{path} is damaged and left out; what it held is mapped again"]
 
 
@@ -90,7 +90,7 @@ def test_reading_stops_at_an_invalid_value(tmp_path: Path, name: str, value: obj
     said[name] = value
     np.savez(path, points=points, said=np.frombuffer(json.dumps(said).encode(), np.uint8))
     alerts = list[str]()
-    assert [each.scan.name for each in kept_keys(tmp_path, alerts.append)] == ["001#0"]
+    assert [kept.scan.name for kept in kept_keys(tmp_path, alerts.append)] == ["001#0"]
     assert alerts == [f"{path} is damaged and left out; what it held is mapped again"]
 
 

@@ -190,8 +190,8 @@ def test_a_key_scan_includes_points_of_other_scans_in_its_view() -> None:
     far = np.linalg.norm(points, axis=1)
     assert far.max() < REACH
     assert (points[:, 0] / far).min() > np.cos(HALF_VIEW) - 1e-6
-    own = T[2].inv().apply(folder.parts[0].points[folder.parts[0].columns["scan"] == 5])
-    assert len(points) > 2 * len(own)
+    own_points = T[2].inv().apply(folder.parts[0].points[folder.parts[0].columns["scan"] == 5])
+    assert len(points) > 2 * len(own_points)
     world = T[2].apply(points)
     np.testing.assert_allclose(world[:, 1], 4.0, atol=1e-5)  # on the wall, in the map's frame
 

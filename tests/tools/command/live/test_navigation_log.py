@@ -55,15 +55,15 @@ def test_sentences_received_by_udp_are_read_as_a_log(tmp_path: Path) -> None:
     assert log is not None
 
 
-@pytest.mark.parametrize(("host", "heard"), [("", 1), ("127.0.0.1:", 1), ("0.0.0.0:", 2)])
-def test_packets_of_other_computers_need_an_address(tmp_path: Path, host: str, heard: int) -> None:
+@pytest.mark.parametrize(("host", "packets"), [("", 1), ("127.0.0.1:", 1), ("0.0.0.0:", 2)])
+def test_packets_of_other_computers_are_received_at_0_0_0_0(tmp_path: Path, host: str, packets: int) -> None:
     """Packets to 127.0.0.2 stand for them, as they do not reach 127.0.0.1."""
     port = free_port()
     with NavigationLog(f"{host}{port}", tmp_path):
         for address in ("127.0.0.2", LOOPBACK):
             send(GOOD[:1], (address, port))
-        until(lambda: (tmp_path / NAME).stat().st_size >= heard * len(GOOD[0]))
-    assert (tmp_path / NAME).read_bytes() == GOOD[0] * heard
+        until(lambda: (tmp_path / NAME).stat().st_size >= packets * len(GOOD[0]))
+    assert (tmp_path / NAME).read_bytes() == GOOD[0] * packets
 
 
 def test_silence_and_its_end_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,7 @@ def test_kitti_files_are_compared_line_by_line(tmp_path: Path, pair: list[Path],
     for path, trajectory in zip(files, (ESTIMATE, TRUTH), strict=True):
         np.savetxt(path, trajectory.T_world_sensor.as_matrix()[:, :3].reshape(-1, 12), fmt="%.17g")
     by_line = evaluated(*files)
-    assert [one["stamp"] for one in by_line["per_pose"]] == [0, 1, 2, 3]
+    assert [pose["stamp"] for pose in by_line["per_pose"]] == [0, 1, 2, 3]
     assert by_line["ate_m"]["rms"] == pytest.approx(evaluated(*pair)["ate_m"]["rms"], rel=1e-9)
     refused(sonarmap("evaluate", pair[0], files[1]), f"{files[1]} is a KITTI file", "Give two files of one format")
 

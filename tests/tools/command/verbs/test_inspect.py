@@ -207,8 +207,8 @@ def test_a_log_as_json(log: Path) -> None:
 def test_a_log_in_words_with_a_plot(log: Path, tmp_path: Path) -> None:
     result = done(sonarmap("inspect", log, "--plot", tmp_path / "nav.png"))
     words = " ".join(result.stdout.split())
-    for each in ("nav.csv", "100 rows", "1 rows per second, no gaps", "line 32: position: far from the rows around"):
-        assert each in words
+    for phrase in ("nav.csv", "100 rows", "1 rows per second, no gaps", "line 32: position: far from the rows around"):
+        assert phrase in words
     assert (tmp_path / "nav.png").read_bytes().startswith(b"\x89PNG")
 
 

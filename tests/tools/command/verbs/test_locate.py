@@ -62,7 +62,7 @@ def test_json_of_one_located_and_two_refused_scans(outcome: tuple[dict[str, Any]
     assert (result["grid"], result["located"]) == (64, 1)
     here, other, flat = result["scans"]
     assert here.keys() == other.keys() == flat.keys() == KEYS
-    assert [(each["name"], each["located"]) for each in result["scans"]] == [
+    assert [(row["name"], row["located"]) for row in result["scans"]] == [
         ("a_here", True),
         ("b_other", False),
         ("c_flat", False),

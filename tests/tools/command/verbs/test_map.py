@@ -188,7 +188,7 @@ def test_an_earlier_map_is_not_used_as_a_scan(tmp_path: Path) -> None:
     before = files_in(tmp_path)
     for inputs in ([tmp_path], paths):
         again = sonarmap("map", *inputs, "-o", tmp_path, *GRID, "--json")
-        assert [one["name"] for one in json.loads(again.stdout)["scans"]] == ["a", "b"]
+        assert [row["name"] for row in json.loads(again.stdout)["scans"]] == ["a", "b"]
         said(again, "whose files are no scans: left out map.ply")
         assert set(files_in(tmp_path)) == set(before)
 

@@ -113,7 +113,7 @@ def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
     result = sonarmap("map", tmp_path / "a", tmp_path / "b", "-o", out, "--grid", "64", "--json")
     assert (result.exit_code, result.stderr) == (0, "")
     summary = json.loads(result.stdout)
-    assert [one["survey"] for one in summary["scans"]] == [0, 0, 1, 1]
+    assert [row["survey"] for row in summary["scans"]] == [0, 0, 1, 1]
     tried = table_of(out / "pairs.csv")
     chained = [(pair["target"], pair["source"]) for pair in tried if pair["role"] == "sequential"]
     assert chained == [("0", "1"), ("2", "3")]

@@ -67,8 +67,8 @@ def test_the_full_objective_reports_every_field(source: Path) -> None:
     assert summary["certificate"]["verdict"] == "none"
     assert "isotropic" in summary["certificate"]["reason"]
     assert {"read", "optimize", "compare", "total"} <= set(summary["seconds"])
-    assert [(one["i"], one["j"]) for one in summary["loops"]] == [(11, 0), (2, 8), (3, 9), (9, 4)]
-    assert {one["verdict"] for one in summary["loops"]} == {"accepted"}
+    assert [(loop["i"], loop["j"]) for loop in summary["loops"]] == [(11, 0), (2, 8), (3, 9), (9, 4)]
+    assert {loop["verdict"] for loop in summary["loops"]} == {"accepted"}
     written = read_g2o(source.parent / "out.g2o")
     assert written.chi_squared == pytest.approx(summary["chi_squared_after"], rel=1e-6)
     assert written.chi_squared == pytest.approx(read_g2o(source).optimize().chi_squared_after, rel=1e-6)
@@ -116,7 +116,7 @@ def test_lines_other_than_poses_are_unchanged(tmp_path: Path) -> None:
     write_g2o(tmp_path / "a.g2o", ring())
     lines = (tmp_path / "a.g2o").read_text().splitlines()
     ids = [line.replace("SE3:QUAT 1 ", "SE3:QUAT 700 ").replace(" 1 2 ", " 700 2 ", 1) for line in lines]
-    given = ["# a survey", *[one if one.startswith("V") else "  " + one.replace(" 0 1 ", " 0 700 ") for one in ids]]
+    given = ["# a survey", *[line if line.startswith("V") else "  " + line.replace(" 0 1 ", " 0 700 ") for line in ids]]
     given.insert(3, "FIX 700")
     (tmp_path / "in.g2o").write_text("\n".join(given) + "\n")
     assert sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o").exit_code == 0
@@ -133,7 +133,7 @@ def test_lines_other_than_poses_are_unchanged(tmp_path: Path) -> None:
 
 def test_a_wrong_loop_is_rejected_and_listed_at_80_columns(wrong_loop: Path) -> None:
     graph, source = read_g2o(wrong_loop), wrong_loop
-    (out,) = [one for one in summary_of(source, "--robust")["loops"] if one["verdict"] == "rejected"]
+    (out,) = [loop for loop in summary_of(source, "--robust")["loops"] if loop["verdict"] == "rejected"]
     assert (out["i"], out["j"], out["kind"]) == (1, 6, "loop")
     assert out["sigmas"] > 100
     assert "rejected" in out["reason"]
@@ -141,7 +141,7 @@ def test_a_wrong_loop_is_rejected_and_listed_at_80_columns(wrong_loop: Path) -> 
     result = sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--robust")
     assert "1 edge, left out" in result.stdout
     assert "1 - 6" in result.stdout
-    assert len([one for one in summary_of(source)["loops"] if one["verdict"] == "accepted"]) == 5
+    assert len([loop for loop in summary_of(source)["loops"] if loop["verdict"] == "accepted"]) == 5
     lines = printed_at(80, "optimize", source, "-o", source.parent / "out.g2o", "--robust")
     assert max(map(len, lines[: lines.index("")])) <= 80
     assert not any("…" in line for line in lines)
