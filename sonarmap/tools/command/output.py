@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.map_folder.folder import Map
     from sonarmap.tools.products.export.run import Exported, ExportSettings
 
-_KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
 CELL = "two voxels, rounded up"  # to 1, 2 or 5 times a power of ten: the default of --cell
 
 
