@@ -108,7 +108,7 @@ def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> Non
     write_table(template, rows)
     sonarmap("map", folder, "-o", folder / "out", "--priors", template, *SIGMAS, "--grid", "16")
     assert [one.prior and float(one.prior.T_world_sensor.translation[2]) for one in seen] == [None, -7.5, None]
-    refused(sonarmap("inspect", folder, "--template", template), "is there already")
+    refused(sonarmap("inspect", folder, "--template", template), "exists already")
     refused(sonarmap("inspect", template, "--template", folder / "b.csv"), "is a log of navigation")
 
 
