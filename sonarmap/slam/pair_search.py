@@ -121,7 +121,7 @@ class PairSearch:
         return bridges
 
     def loops(self, decision: Decision, tried: Sequence[RegisteredPair], unsure: bool = False) -> list[RegisteredPair]:
-        """The next loops after a decision about the pairs `tried` so far; none if no candidates are left.
+        """The next loops after a decision about the pairs `tried`; none if no candidates are left.
 
         `unsure`: only of scans whose relative pose is no more certain in the estimate than in a registration.
         """

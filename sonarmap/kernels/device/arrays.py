@@ -50,7 +50,7 @@ class Pending(Generic[T]):
 
 
 class Readback:
-    """A copy of a device array on the host, taken after all commands queued so far."""
+    """A copy of a device array on the host, taken after all commands that are queued."""
 
     def __init__(self, device: Device, array: cla.Array) -> None:
         """Queue the copy without waiting; commands queued later may overwrite the array."""

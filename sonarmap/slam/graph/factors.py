@@ -11,7 +11,7 @@ from sonarmap.slam.graph.gauge import Gauge
 from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.tangent import lengths
 
-_LEAST_RATIO = 1e-22  # of variances of one edge: sigmas farther apart than 1e11 are not told apart
+_LEAST_RATIO = 1e-22  # of variances of one edge: a larger spread than 1e11 of its sigmas is rounding
 
 
 def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None) -> list[gtsam.NonlinearFactor]:

@@ -113,7 +113,7 @@ class GrowingMap:
         self._mapper = Mapper(mapper.registrar, mapper.voxel, mapper.settings, execution)
 
     def decide(self) -> None:
-        """Search for loops among the key scans so far, and optimize; `take_over` applies the result. May run in another
+        """Search for loops among the key scans, and optimize; `take_over` applies the result. May run in another
         thread than the other methods.
 
         Raises:

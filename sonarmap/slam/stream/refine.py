@@ -103,7 +103,7 @@ def without_leaps(
         T_key = poses[scan.step.i]
         steady = replace(scan.step.registration, T_target_source=T_key.inv() * T_steady, covariance=np.diag(sigmas**2))
         moved = replace(scan, step=replace(scan.step, registration=steady))
-        # after a jump back, two registrations to places that look alike can agree and both be wrong
+        # after a jump back, two registrations to similar places can agree and both be wrong
         accepted = _near_step(moved, registered, floor) if back else _agreeing(moved, registered, floor)
         # keep the step too: a registration with a large covariance agrees with it but may pull the scan away
         edges[scan.scan] = [*accepted, moved.step] if back or not accepted else accepted

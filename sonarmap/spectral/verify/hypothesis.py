@@ -71,7 +71,7 @@ class Evidence:
     psr: float = nan  # peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only
     moved: float = nan  # distance from the identity, from `PairFrames.moved` [voxels]
     measured: float = 0.0  # chi-squared of the pose by the instruments; 0 without any
-    # logarithm of the inverse residual, compared over beds of little relief, whose places look alike; 0 for other
+    # logarithm of the inverse residual, compared over beds of little relief, whose places are similar; 0 for other
     # surfaces
     closeness: float = 0.0
 

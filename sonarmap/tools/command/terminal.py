@@ -183,7 +183,7 @@ def stage(label: str, quiet: bool = False) -> Iterator[None]:
 @contextmanager
 def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
     """Show the progress of work whose total may change, labeled as in "mapping"; if `quiet` (--quiet, --json) print
-    nothing. Yields a function to call as step(pieces done, pieces planned so far, words about the last one)."""
+    nothing. Yields a function to call as step(pieces done, pieces planned, words about the last one)."""
     console = error_console()
     on_terminal = console.is_terminal and not quiet
     bar, lines = _Bar(console, printable(label), on_terminal), None if quiet or on_terminal else _Lines(label)

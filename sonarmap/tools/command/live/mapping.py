@@ -86,7 +86,7 @@ def _described(error: Exception) -> str:
 class _Mapping:
     def __init__(self, settings: MappingSettings, pipe: Connection) -> None:
         self._settings, self._pipe = settings, pipe
-        self._state = State()  # counts so far: scans, placed, alerts
+        self._state = State()  # counts of scans, placed scans and alerts
         self._stamp: float | None = None  # of the last scan
         self._track: deque[tuple[float, Placed]] = deque(maxlen=_TRACK)  # the latest placed scans, with their stamps
         self._last_sure: tuple[float, Placed] | None = None  # the last scan that was not lost, with its stamp

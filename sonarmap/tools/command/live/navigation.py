@@ -41,7 +41,7 @@ class Navigation:
         _ = self.odometry.drift
 
     def __call__(self, scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry | None]:
-        """The scans with priors, and dead reckoning at their times, from the files so far. A file that has no data yet
+        """The scans with priors, and dead reckoning at their times, from the files. A file that has no data yet
         or cannot be read now changes nothing: the final map reports what is wrong."""
         odometry, settings = None, self._settings()
         if self.priors.priors:

@@ -37,7 +37,7 @@ class Mark:
 class Incoming:
     scan: Scan
     behind: Mark  # position at which reading can continue
-    missing: int = 0  # shots missing so far, by gaps in their numbers
+    missing: int = 0  # shots missing, by gaps in their numbers
 
 
 def incoming(

@@ -50,7 +50,7 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
 
     Files that belong together are thus never from two runs, even if the disk fills up or the user stops the program. At
     the end of the block only complete files on disk are renamed, one right after the other. A nested block is part of
-    the outer one. Yields the growing list of (temporary path, final path) of the files written so far.
+    the outer one. Yields the growing list of (temporary path, final path) of the files written.
     """
     outer = _waiting.get()
     if outer is not None:

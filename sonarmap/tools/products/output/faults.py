@@ -29,7 +29,7 @@ _OPEN = {
     "north": "its North",
     "up": "its height",
 }
-# Where other pairs bridge a gap between two chains of steps, two look-alike places may have been taken for one.
+# Where other pairs bridge a gap between two chains of steps, two similar places may have been taken for one.
 _BRIDGED = ", bridged by other pairs"
 _CHAINS = (
     f"{_BRIDGED}, as two places of one build would be too, such as two tanks (then give the scans before and after in "

@@ -157,7 +157,7 @@ class Unpacker:
     """Unpacks the chunks of one file, with size limits for each chunk and for all of them."""
 
     size: int  # of the file [bytes]
-    plain: int = 0  # bytes unpacked so far
+    plain: int = 0  # bytes unpacked
 
     def __call__(self, content: bytes, compression: str) -> bytes:
         """The plain bytes of a chunk. `compression`: none (or empty), bz2, lz4 (frames) or zstd."""

@@ -256,6 +256,6 @@ def _dates(timed: np.ndarray, path: Path, scans: np.ndarray, notes: list[str]) -
     known = np.flatnonzero(np.isfinite(days))
     if not len(known):
         return dated(of_day, scans, path, notes)
-    passed = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights so far
+    passed = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights passed
     last = np.maximum.accumulate(np.where(np.isfinite(days), np.arange(len(days)), known[0]))
     return of_day + DAY * (days[last] + passed - passed[last])

@@ -181,7 +181,7 @@ def dated(of_day: np.ndarray, scans: np.ndarray, path: object, notes: list[str])
     """(n,) times [s] of seconds of the day, in the file's order, on the day that brings them nearest to the scans."""
     if not len(scans) or np.median(scans) < _ON_EARTH:
         raise InputError(f"{path}: its times have no date, and neither have the scans; add a column of dates")
-    days = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights so far
+    days = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights passed
     times = of_day + days * DAY
     middle = (float(scans.min()) + float(scans.max())) / 2
     day = np.round((middle - (times.min() + times.max()) / 2) / DAY)

@@ -209,7 +209,7 @@ class Recording:
                 self.doubled_batches += 1
 
     def cloud(self, shot: Shot) -> Cloud:
-        """The cloud of a shot, with its attitude from the IMU samples that were read so far."""
+        """The cloud of a shot, with its attitude from the IMU samples read before it."""
         frame, prior = shot.frame, self.imu.prior_at(shot.frame.stamp)
         return Cloud(frame.points, shot.strength, frame.stamp, prior=prior, sound_speed=frame.sound_speed)
 

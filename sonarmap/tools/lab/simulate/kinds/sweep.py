@@ -1,4 +1,4 @@
-"""Sweeps of a narrow fan on a moving vehicle: true and believed poses of the pings, their echoes, and random motions of
+"""Sweeps of a narrow fan on a moving vehicle: true and assumed poses of the pings, their echoes, and random motions of
 the vehicle and its errors."""
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Fan:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """True and believed poses of a scan's pings."""
+    """True and assumed poses of a scan's pings."""
 
     T_world_frame: RigidTransform  # of the scan's frame
     T_frame_ping: RigidTransform  # (K,) poses: where the sensor truly was at each ping
@@ -116,9 +116,9 @@ def true_points(fan: Fan, sweep: Sweep, returns: Returns) -> np.ndarray:
 
 
 def write_scan(fan: Fan, sweep: Sweep, returns: Returns, noise: Noise, rng: np.random.Generator, name: str) -> Scan:
-    """Make the scan with noise, its points placed along the middle of the beams from the believed poses.
+    """Make the scan with noise, its points placed along the middle of the beams from the assumed poses.
 
-    Its viewpoints are the believed positions of the sensor, its times those of the pings. Raises InputError: no beam
+    Its viewpoints are the assumed positions of the sensor, its times those of the pings. Raises InputError: no beam
     has an echo.
     """
     noisy = disturb(Echoes(returns.ranges, returns.strengths), fan.sensor, noise, rng)

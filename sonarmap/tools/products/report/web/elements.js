@@ -142,7 +142,7 @@ function curve(places, values, y, s) {
   return make("path", { d: path, class: `curve curve-${s}` });
 }
 
-/** About so many round numbers from low to high. */
+/** Round numbers from low to high, roughly `about` of them. */
 function ticks(low, high, about = 5) {
   const rough = (high - low) / about || 1;
   const power = 10 ** Math.floor(Math.log10(rough));

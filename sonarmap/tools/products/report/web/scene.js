@@ -272,10 +272,10 @@ function pointAt(points, camera, x, y, edge, deep, [lowest, highest]) {
   return chosen.reduce((best, one) => (best && best.aside <= one.aside ? best : one), null)?.k ?? null;
 }
 
-/** Which of some places [m] is seen nearest to a pixel, within so many pixels; null where none is. */
+/** Which of some places [m] is seen nearest to a pixel, within a radius [pixels]; null if none is. */
 const placeAt = (places, camera, x, y, near) => lineAt(places.map((place) => [place, place]), camera, x, y, near);
 
-/** Which of some lines [[begin, end], ...] [m] is seen nearest to a pixel, within so many pixels; null where none is. */
+/** Which of some lines [[begin, end], ...] [m] is seen nearest to a pixel, within a radius [pixels]; null if none is. */
 function lineAt(lines, camera, x, y, near) {
   let best = null, least = near;
   lines.forEach(([begin, end], k) => {
