@@ -6,7 +6,9 @@ DOI 10.1016/j.robot.2009.06.008). That takes about as long as the elimination; o
 """
 
 from collections import Counter, defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -45,25 +47,21 @@ def marginals(linear: gtsam.GaussianFactorGraph, pairs: np.ndarray) -> Marginals
         if linear.keys().size() > 1
         else gtsam.Ordering.ColamdGaussianFactorGraph
     )
-    return _Eliminated.of(_eliminated(extended, ordering(extended))).marginals(pairs.reshape(-1, 2))
+    return _Eliminated.of(_eliminated(extended.eliminateSequential, ordering(extended))).marginals(pairs.reshape(-1, 2))
 
 
 def require_unique(linear: gtsam.GaussianFactorGraph) -> None:
     """Raise RuntimeError where the factors leave a pose undetermined."""
-    ordering = gtsam.Ordering.ColamdGaussianFactorGraph(linear)
-    try:
-        linear.eliminateMultifrontal(ordering)
-    except RuntimeError:
-        linear.eliminateMultifrontal(ordering, gtsam.EliminateQR)
+    _eliminated(linear.eliminateMultifrontal, gtsam.Ordering.ColamdGaussianFactorGraph(linear))
 
 
-def _eliminated(linear: gtsam.GaussianFactorGraph, ordering: gtsam.Ordering) -> gtsam.GaussianBayesNet:
+def _eliminated(eliminate: Callable[..., Any], ordering: gtsam.Ordering) -> Any:
     """Elimination by Cholesky; where that takes a pivot 4096 times below its neighbor for 0, as along a wall, by QR,
     which takes three times as long."""
     try:
-        return linear.eliminateSequential(ordering)
+        return eliminate(ordering)
     except RuntimeError:
-        return linear.eliminateSequential(ordering, gtsam.EliminateQR)
+        return eliminate(ordering, gtsam.EliminateQR)
 
 
 def _ties(linear: gtsam.GaussianFactorGraph) -> np.ndarray:
