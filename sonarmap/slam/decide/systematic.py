@@ -3,23 +3,25 @@ that is off, places that drift.
 
 A lever arm that was left out or has the wrong sign does the first; a declination, a grid's North, or a sonar that is
 mounted turned the second. What one does looks, on some tracks, much like what another does: all are tried.
+
+The error's numbers are unknowns beside the poses. With the poses eliminated (Schur complement), a Gauss-Newton step of
+any of them, and by how much chi-squared falls with it, cost no further optimization.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy import sparse
+from scipy.sparse.linalg import splu
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
 
-# Residuals beyond so many sigmas count ever less.
-_FAR = 2.0
-# No lever arm is longer [m], no heading off by more [rad], no clock [s], and no place drifts faster [m/s].
-_MOST = np.array([15.0, 15.0, 1.0, 5.0, 0.1, 0.1])
-# Of vehicles' lever arms, as a standard deviation [m]; of nothing else is it known what is usual. Over a flat bed,
-# where registrations are off, an arm of 8.6 m explained them.
-_USUAL_ARM = 3.0
+# Standard deviation of each number of an error among vehicles [m, m, rad, s, m/s, m/s]. Over a flat bed, where
+# registrations are off, an arm of 8.6 m would explain them.
+_USUAL = np.array([3.0, 3.0, 0.2, 1.0, 0.05, 0.05])
+_MOST = 5.0  # what is larger by so many of these is an exchanged axis or the like
 # Which numbers of an error are free together: lever arm, turn, clock, drift.
 KINDS_OF_ERROR = ((0, 1), (2,), (3,), (4, 5))
 # Scans farther apart in time than so many times what is usual say nothing of how fast the vehicle was.
@@ -52,63 +54,67 @@ class Systematic:
     @property
     def unlikeliness(self) -> float:
         """What it adds to chi-squared by itself."""
-        return float(np.hypot(self.forward, self.left) / _USUAL_ARM) ** 2
+        return float(((self.numbers / _USUAL) ** 2).sum())
 
     @property
     def is_likely(self) -> bool:
         """Whether a vehicle can have it: larger ones are exchanged axes and the like."""
-        return bool((np.abs(self.numbers) <= _MOST).all())
+        return bool((np.abs(self.numbers) <= _MOST * _USUAL).all())
 
 
-def fit_error(
-    at: Trajectory,
-    poses: np.ndarray,
-    residuals: np.ndarray,
-    sigmas: np.ndarray,
-    known: tuple[np.ndarray, np.ndarray],
-    free: tuple[int, ...],
-) -> tuple[float, np.ndarray]:
-    """The error that explains most of fixes beside an estimate that is turned and moved as a whole, and by how much
-    robust chi-squared falls with it.
+@dataclass(frozen=True, slots=True)
+class SharedError:
+    """The quadratic cost of an error's numbers, with the poses at their best for every error."""
 
-    Args:
-        at: the estimate.
-        poses: (n,) which of its poses the fixes are of.
-        residuals: (n, 6) how far they are from what was measured, as errors of a `PosePrior` [rad, m].
-        sigmas: (n, 6) standard deviations of what was measured.
-        known: (n,) bool each, which headings and which places were measured.
-        free: which of the error's numbers are fitted.
+    information: np.ndarray  # (6, 6)
+    gradient: np.ndarray  # (6,)
 
-    Returns:
-        The fall, and the (6,) `numbers`.
-    """
-    headed, placed = known
-    x = at.T_world_sensor.translation[poses[placed], :2]
-    x = x - x.mean(axis=0)
-    of_vehicle, of_world = np.split(_shifts(at, poses[placed]), [4])  # those that turn with the estimate, and others
-    off, turned = residuals[placed][:, 3:5], residuals[headed][:, 2]
-    of_places, of_turns = sigmas[placed][:, 3:5], sigmas[headed][:, 2]
+    @classmethod
+    def of(
+        cls,
+        at: Trajectory,
+        of_poses: sparse.csc_array,
+        poses: np.ndarray,
+        residuals: np.ndarray,
+        precisions: np.ndarray,
+        error: Systematic,
+    ) -> "SharedError":
+        """About an optimum of N poses.
 
-    def far(fitted: np.ndarray, free: tuple[int, ...]) -> np.ndarray:
-        """Of a turn and a shift of the estimate, and the errors that are free."""
-        error = np.zeros(len(_MOST))
-        error[list(free)] = fitted[3:]
-        c, s = np.cos(fitted[0]), np.sin(fitted[0])
-        moved = (x - np.tensordot(error[:4], of_vehicle, 1)) @ np.array([[c, s], [-s, c]]) - x + fitted[1:3]
-        moved += off - np.tensordot(error[4:], of_world, 1)
-        return np.concatenate([(moved / of_places).ravel(), (turned + fitted[0] - error[2]) / of_turns])
+        Args:
+            at: the optimum.
+            of_poses: (6 N, 6 N) its information, of body tangents.
+            poses: (n,) which of its poses the fixes are of.
+            residuals: (n, 6) of the fixes, as errors of a `PosePrior` [rad, m].
+            precisions: (n, 6) of these, with which they entered [1/rad^2, 1/m^2]; 0 where not measured.
+            error: what the fixes were corrected by before.
+        """
+        R = np.asarray(at.T_world_sensor.rotation.as_matrix())[poses]
+        # derivatives of heading, East and North with respect to the pose, and to the error's numbers
+        by_pose, by_error = np.zeros((len(poses), 3, 6)), np.zeros((len(poses), 3, len(_USUAL)))
+        by_pose[:, 0, :3], by_pose[:, 1:, 3:] = R[:, 2], R[:, :2]
+        by_error[:, 0, 2], by_error[:, 1:] = -1.0, -_shifts(at, poses).transpose(1, 2, 0)
+        weighted = precisions[:, 2:5, None] * by_error
+        coupled = np.zeros((len(at), 6, len(_USUAL)))
+        coupled[poses] = np.einsum("nra,nrb->nab", by_pose, weighted)
+        coupled = coupled.reshape(-1, len(_USUAL))
+        information = np.einsum("nra,nrb->ab", by_error, weighted) - coupled.T @ splu(of_poses).solve(coupled)
+        gradient = np.einsum("nr,nra->a", residuals[:, 2:5], weighted)
+        return cls(information + np.diag(_USUAL**-2), gradient + error.numbers / _USUAL**2)
 
-    def fit(free: tuple[int, ...]) -> tuple[float, np.ndarray]:
-        start = np.zeros(3 + len(free))
-        # where most are far off all weigh alike at first
-        usual = max(1.0, float(np.median(np.abs(far(start, free)))))
-        for scale in (_FAR * usual, _FAR):
-            result = least_squares(far, start, x_scale="jac", loss="cauchy", f_scale=scale, args=(free,))
-            start = result.x
-        return 2 * float(result.cost), start[3:]
+    def step(self, free: tuple[int, ...]) -> tuple[float, np.ndarray]:
+        """By how much chi-squared falls with the best change of the `free` numbers, and the (6,) change."""
+        step = np.zeros(len(_USUAL))
+        step[list(free)] = -np.linalg.solve(self.information[np.ix_(free, free)], self.gradient[list(free)])
+        return float(-self.gradient @ step), step
 
-    (without, _), (cost, fitted) = fit(()), fit(free)
-    return without - cost, np.bincount(free, fitted, minlength=len(_MOST))
+    def rise_without(self, kind: tuple[int, ...], kinds: Sequence[tuple[int, ...]], error: Systematic) -> float:
+        """By how much chi-squared rises without the numbers of one kind, the others of `kinds` at their best."""
+        free = [number for each in kinds for number in each]
+        covariance = np.linalg.inv(self.information[np.ix_(free, free)])
+        own = [free.index(number) for number in kind]
+        x = error.numbers[list(kind)]
+        return float(x @ np.linalg.solve(covariance[np.ix_(own, own)], x))
 
 
 def _shifts(at: Trajectory, poses: np.ndarray) -> np.ndarray:

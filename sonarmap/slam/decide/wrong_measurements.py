@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, Systematic, fit_error
+from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, SharedError, Systematic
 from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -40,11 +40,8 @@ _LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 15.0, 15.0, 3.0
 # farther off than one of so many right ones.
 _EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]
 _MOST_LEFT, _RARELY = 0.2, 1e-4
-# It is found in so many steps, each so many times as long as fitted, or until one is so small a share of it.
-_STEPS, _LONGER, _STILL = 8, 20.0, 0.05
+_STEPS, _STILL = 8, 0.02  # it is found in at most so many steps, the last of which is so small a share of it
 _SURE_TILT = float(np.deg2rad(3.0))  # a tilt that is less sure is no ground for an error that all share [rad]
-# Edges alone, over more poses than these, drift farther than any lever arm.
-_NO_DRIFT = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +76,8 @@ def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixe
         return JudgedFixes({})
     fixes = _Fixes.of(priors)
     solution, weights = _solved(graph, fixes)
-    fixes, solution, weights, error = _explained(graph, fixes, solution, weights)
+    found = _explained(graph, _Explanation(Systematic(), fixes, solution, weights, fixes.cost(solution), fits=True))
+    fixes, solution, weights, error = found.fixes, found.at, found.weights, found.error
     factors = fixes.understated(solution.trajectory.T_world_sensor)
     fixes = fixes.scaled(factors)
     wrong = _wrong_fixes(solution, fixes, weights)
@@ -93,7 +91,8 @@ def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixe
         k: without_kinds(prior, useless | {kind for kind in KINDS if (k, kind) in left_out})
         for k, prior in zip(fixes.poses.tolist(), fixes.priors, strict=True)
     }
-    return JudgedFixes({k: prior for k, prior in cleaned.items() if prior is not None}, wrong, understated, error)
+    left = {k: prior for k, prior in cleaned.items() if prior is not None}
+    return JudgedFixes(left, wrong, understated, error if error.numbers.any() else None)
 
 
 def agreement(
@@ -118,48 +117,87 @@ def agreement(
     return told
 
 
-def _explained(
-    graph: PoseGraph, fixes: "_Fixes", solution: Solution, weights: np.ndarray
-) -> tuple["_Fixes", Solution, np.ndarray, Systematic | None]:
-    """The fixes without an error that all share, where one explains clearly more, their optimum, weights, and it.
+@dataclass(frozen=True, slots=True)
+class _Explanation:
+    """An error that all fixes may share, and the optimum without it."""
+
+    error: Systematic
+    fixes: "_Fixes"  # corrected
+    at: Solution  # their optimum with the edges
+    weights: np.ndarray  # (n, K) of the fixes there
+    cost: float  # twice the negative logarithm of the likelihood
+    fits: bool  # whether a vehicle can have it, and fixes and edges fit then
+
+    @property
+    def look(self) -> SharedError:
+        """What changes of the error would explain."""
+        return self.fixes.shared_error(self.at, self.weights, self.error)
+
+    def with_alternative(self, others: Sequence["_Explanation"]) -> "_Explanation":
+        """With one of the others that fits about as well and leaves the poses elsewhere, if there is any."""
+        close = (other for other in others if other.fits and other.cost < self.cost + _CLEARLY)
+        unclear = next((other.error for other in close if self.fixes.apart(self.at, other.at) > _ELSEWHERE), None)
+        return replace(self, error=replace(self.error, alternative=unclear))
+
+
+def _explained(graph: PoseGraph, plain: _Explanation) -> _Explanation:
+    """The error that all fixes share: one kind, and others beside it as long as each explains clearly more.
 
     A tilt that nobody knows would be taken for a lever arm: then none is looked for. It is looked for beside the
-    optimum, and beside the edges alone: one of these would rather give way than all fixes.
+    `plain` optimum, and beside one of edges that count in full: one of these would rather give way than all fixes.
     """
-    tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
-    if not fixes.tell_tilt(solution):
-        return fixes, solution, weights, None
-    looks = [solution]
-    if len(graph.trajectory) <= _NO_DRIFT:
-        looks.append(replace(graph, priors=(), control=()).optimize(covariances=False))
-    for free in KINDS_OF_ERROR:
-        fall, numbers = max((fixes.fit_error(at.trajectory, free) for at in looks), key=lambda look: look[0])
-        if fall < _LOOKED_AT:
-            continue
-        own, at, own_weights, before, longer = fixes, solution, weights, np.zeros(len(numbers)), 1.0
-        for _ in range(_STEPS):
-            own = fixes.corrected(Systematic(*numbers.tolist()), at.trajectory)
-            at, own_weights = _solved(graph, own)
-            step = own.fit_error(at.trajectory, free)[1]
-            # the estimate is bent to the fixes and gives way little by little: the next step is as long as they end at
-            left = float(step @ before) / max(float(before @ before), 1e-12)
-            longer = min(longer / max(1 - left, 1 / _LONGER), _LONGER)
-            if np.abs(longer * step).max() < _STILL * np.abs(numbers).max():
-                break
-            numbers, before = numbers + longer * step, step
-        error = Systematic(*numbers.tolist())
-        # where edges are wrong, as over a flat bed, or some fixes are, some arm explains a part; one that is there puts
-        # no strain on edges
-        strained = _strained(at) > _strained(solution)
-        if error.is_likely and not strained and own.fit(at.trajectory.T_world_sensor, _EXPLAINED):
-            tried.append((own.cost(at) + error.unlikeliness, own, at, own_weights, error))
-    tried.sort(key=lambda each: each[0])
-    if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
-        return fixes, solution, weights, None
-    cost, own, at, own_weights, error = tried[0]
-    alike = (other for other in tried[1:] if other[0] < cost + _CLEARLY)
-    unclear = next((other for _, _, there, _, other in alike if fixes.apart(at, there) > _ELSEWHERE), None)
-    return own, at, own_weights, replace(error, alternative=unclear)
+    if not plain.fixes.tell_tilt(plain.at):
+        return plain
+    best = found = plain
+    looks, free = [plain.look, plain.fixes.shared_error(*_solved(graph, plain.fixes, edges_too=False))], ()
+    while True:
+        tried: list[tuple[_Explanation, tuple[int, ...]]] = []
+        for kind in (kind for kind in KINDS_OF_ERROR if kind[0] not in free and plain.fixes.tell_error(kind)):
+            numbers = (*free, *kind)
+            fall, step = max((look.step(numbers) for look in looks), key=lambda look: look[0])
+            if fall >= _LOOKED_AT:
+                more = _explanation(graph, plain, best, step, numbers)
+                if best.cost - more.cost >= _EXPLAINS:
+                    tried.append((more, numbers))
+        if not tried:
+            return _without_needless(graph, plain, found)
+        tried.sort(key=lambda each: (not each[0].fits, each[0].cost))
+        best, free = tried[0]
+        looks = [best.look]
+        if best.fits:
+            found = best.with_alternative([each for each, _ in tried[1:]])
+
+
+def _without_needless(graph: PoseGraph, plain: _Explanation, found: _Explanation) -> _Explanation:
+    """The explanation without kinds of error that the others, found later, make needless."""
+    kinds = [kind for kind in KINDS_OF_ERROR if found.error.numbers[list(kind)].any()]
+    needed = [kind for kind in kinds if found.look.rise_without(kind, kinds, found.error) >= _EXPLAINS]
+    if not needed or len(needed) == len(kinds):
+        return found
+    numbers, free = np.zeros(len(found.error.numbers)), tuple(number for kind in needed for number in kind)
+    numbers[list(free)] = found.error.numbers[list(free)]
+    start = replace(found, error=Systematic(*numbers.tolist()))
+    without = _explanation(graph, plain, start, np.zeros(len(numbers)), free)
+    return without if without.fits else found
+
+
+def _explanation(
+    graph: PoseGraph, plain: _Explanation, before: _Explanation, step: np.ndarray, free: tuple[int, ...]
+) -> _Explanation:
+    """The error of the `free` numbers, by Gauss-Newton steps from the one `before` on, the first of them given."""
+    error, at = before.error, before.at
+    for _ in range(_STEPS):
+        error = Systematic(*(error.numbers + step).tolist())
+        fixes = plain.fixes.corrected(error, at.trajectory)
+        at, weights = _solved(graph, fixes)
+        _, step = fixes.shared_error(at, weights, error).step(free)
+        if np.abs(step).max() < _STILL * np.abs(error.numbers).max():
+            break
+    # where edges are wrong, as over a flat bed, or some fixes are, some arm explains a part; one that is there puts no
+    # strain on edges
+    fits = error.is_likely and _strained(at) <= _strained(plain.at)
+    fits = fits and fixes.fit(at.trajectory.T_world_sensor, _EXPLAINED)
+    return _Explanation(error, fixes, at, weights, fixes.cost(at) + error.unlikeliness, fits)
 
 
 def _strained(solution: Solution) -> int:
@@ -167,7 +205,7 @@ def _strained(solution: Solution) -> int:
     return int((solution.graph.residuals() ** 2 > chi_squared_beyond(_RARELY, 6)).sum())
 
 
-def _solved(graph: PoseGraph, fixes: "_Fixes") -> tuple[Solution, np.ndarray]:
+def _solved(graph: PoseGraph, fixes: "_Fixes", edges_too: bool = True) -> tuple[Solution, np.ndarray]:
     """The optimum of edges and fixes, and the fixes' weights there."""
 
     def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
@@ -179,7 +217,7 @@ def _solved(graph: PoseGraph, fixes: "_Fixes") -> tuple[Solution, np.ndarray]:
     # a fix far off would tear its scan from the edges, did it count in full first; those may be wrong as well
     start = weights_at(graph)
     start /= np.where(fixes.known, start, 0.0).max(axis=0, initial=1e-12)
-    return reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too=True)
+    return reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too)
 
 
 def reweighted(
@@ -257,12 +295,19 @@ class _Fixes:
         in_world = R @ solution.covariances()[:, :3, :3] @ R.swapaxes(1, 2)
         return float(np.linalg.eigvalsh(in_world[self.poses, :2, :2])[:, -1].min()) <= _SURE_TILT**2
 
-    def fit_error(self, at: Trajectory, free: tuple[int, ...]) -> tuple[float, np.ndarray]:
-        """By how much chi-squared falls with what all may be off by, and its numbers: as `systematic.fit_error`."""
-        _, headed, placed, _ = self.known.T
-        if placed.sum() < _FEWEST or (2 in free and headed.sum() < _FEWEST):
-            return 0.0, Systematic().numbers
-        return fit_error(at, self.poses, self.residuals(at.T_world_sensor), self.sigmas, (headed, placed), free)
+    def tell_error(self, free: tuple[int, ...]) -> bool:
+        """Whether enough was measured to tell an error of these numbers."""
+        _, headed, placed, _ = self.known.sum(axis=0)
+        return bool(placed >= _FEWEST and (2 not in free or headed >= _FEWEST))
+
+    def shared_error(self, at: Solution, weights: np.ndarray, error: Systematic | None = None) -> SharedError:
+        """What all may be off by, beside their optimum with (n, K) weights; `error`: what was taken off before."""
+        precisions = np.zeros((len(self.poses), 6))
+        for kind, numbers in enumerate(KINDS.values()):
+            precisions[:, numbers] = np.where(self.known[:, kind], weights[:, kind], 0.0)[:, None]
+        precisions /= self.sigmas**2
+        residuals = self.residuals(at.trajectory.T_world_sensor)
+        return SharedError.of(at.trajectory, at.information(), self.poses, residuals, precisions, error or Systematic())
 
     def apart(self, one: Solution, other: Solution) -> float:
         """How far the measured poses of two optima are apart in the mean [sigmas of the positions]."""

@@ -55,6 +55,15 @@ def require_unique(linear: gtsam.GaussianFactorGraph) -> None:
     _eliminated(linear.eliminateMultifrontal, gtsam.Ordering.ColamdGaussianFactorGraph(linear))
 
 
+def information_of(linear: gtsam.GaussianFactorGraph, count: int) -> sparse.csc_array:
+    """(6 N, 6 N) information of factors about `count` = N keys, six rows each."""
+    row, column, entry = linear.sparseJacobian_()
+    inside = column <= _SIZE * count  # the last column holds the residuals
+    places = row[inside].astype(np.intp) - 1, column[inside].astype(np.intp) - 1
+    jacobian = sparse.csc_array((entry[inside], places), shape=(int(row.max()), _SIZE * count))
+    return sparse.csc_array(jacobian.T @ jacobian)
+
+
 def _eliminated(eliminate: Callable[..., Any], ordering: gtsam.Ordering) -> Any:
     """Elimination by Cholesky; where that takes a pivot 4096 times below its neighbor for 0, as along a wall, by QR,
     which takes three times as long."""

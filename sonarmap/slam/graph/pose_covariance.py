@@ -10,7 +10,6 @@ Instruments' measurements keep their stated errors. docs/measured has the simula
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import sparse
 from scipy.linalg import block_diag
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import RigidTransform
@@ -18,6 +17,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.graph.edge import inverse_definite
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.known_pose import KnownPose
+from sonarmap.slam.graph.marginals import information_of
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.tangent import adjoint
 
@@ -93,16 +93,12 @@ def joint_covariance(graph: PoseGraph, poses: Sequence[int]) -> np.ndarray:
     """
     chosen = np.asarray(poses, np.intp)
     T = graph.trajectory.T_world_sensor
-    row, column, entry = factors_of(graph).linearize(to_values(T)).sparseJacobian_()
-    size = 6 * len(graph.trajectory)
-    inside = column <= size  # the last column holds the residuals
-    places = row[inside].astype(np.intp) - 1, column[inside].astype(np.intp) - 1
-    jacobian = sparse.csc_array((entry[inside], places), shape=(int(row.max()), size))
+    information = information_of(factors_of(graph).linearize(to_values(T)), len(T))
     rows = (6 * chosen[:, None] + np.arange(6)).ravel()
-    units = np.zeros((size, len(rows)))
+    units = np.zeros((6 * len(T), len(rows)))
     units[rows, np.arange(len(rows))] = 1.0
     try:
-        in_bodies = splu(sparse.csc_array(jacobian.T @ jacobian)).solve(units)[rows]
+        in_bodies = splu(information).solve(units)[rows]
     except RuntimeError as error:
         raise graph.unsolvable(error) from error
     A = adjoint(T[chosen])

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import gtsam
 import numpy as np
+from scipy import sparse
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.counted import counted
@@ -20,7 +21,7 @@ from sonarmap.slam.graph.factors import edge_factors, gauge_factors, residuals_o
 from sonarmap.slam.graph.gauge import Gauge
 from sonarmap.slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_transforms, to_values
 from sonarmap.slam.graph.known_pose import GAUGE_SIGMA, KnownPose
-from sonarmap.slam.graph.marginals import Marginals, marginals, require_unique
+from sonarmap.slam.graph.marginals import Marginals, information_of, marginals, require_unique
 from sonarmap.slam.graph.tangent import adjoint, lengths, propagated
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.result import Registration
@@ -228,6 +229,11 @@ class Solution:
     def covariances(self) -> np.ndarray:
         """(N, 6, 6) covariance of each pose, rotation first [rad, m], body tangent, relative to its anchor."""
         return self._marginals(np.empty((0, 2), np.intp)).single
+
+    def information(self) -> sparse.csc_array:
+        """(6 N, 6 N) information about all poses, six rows each: body tangents, rotation first."""
+        assert self._linear is not None, "optimized without covariances"
+        return information_of(self._linear, len(self.trajectory))
 
     def relative(self, i: int, j: int) -> tuple[RigidTransform, np.ndarray]:
         """T_i_j as the graph estimates it, and its (6, 6) covariance: `relatives` of one pair."""

@@ -153,7 +153,7 @@ def lanes() -> RigidTransform:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("error", ["arm", "turn", "late", "drift", "none"])
+@pytest.mark.parametrize("error", ["arm", "turn", "late", "drift", "arm and turn", "none"])
 def test_what_all_fixes_share_is_found_and_taken_off(error: str) -> None:
     """A lever arm of the wrong sign, headings by another North, a clock that is late, places that drift, on lanes there
     and back with a loop between them, which tell these apart."""
@@ -168,17 +168,20 @@ def test_what_all_fixes_share_is_found_and_taken_off(error: str) -> None:
         "turn": [0, 0, np.radians(12.0), 0, 0, 0],
         "late": [0, 0, 0, 1.5, 0, 0],
         "drift": [0, 0, 0, 0, -0.08, 0.05],
+        "arm and turn": [6.0, -2.0, np.radians(12.0), 0, 0, 0],
     }
     velocities = np.gradient(truth.translation, axis=0)
     priors = {}
     for k in range(LANES):
         noise = SIGMAS * rng.standard_normal(6)
+        arm = truth[k].rotation.apply([-6.0, 2.0, 0.0])
         off = {
-            "arm": truth[k].rotation.apply([-6.0, 2.0, 0.0]),
+            "arm": arm,
+            "arm and turn": arm,
             "late": -1.5 * velocities[k],
             "drift": (k - LANES / 2) * np.array([0.08, -0.05, 0.0]),
         }.get(error, np.zeros(3))
-        turn = Rotation.from_euler("Z", -12.0 if error == "turn" else 0.0, degrees=True)
+        turn = Rotation.from_euler("Z", -12.0 if "turn" in error else 0.0, degrees=True)
         R = turn * Rotation.from_rotvec(noise[:3]) * truth[k].rotation
         priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + off + noise[3:], R), SIGMAS.copy())
     judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(LANES)), truth), edges), priors)
@@ -188,7 +191,13 @@ def test_what_all_fixes_share_is_found_and_taken_off(error: str) -> None:
         return
     assert found is not None
     assert found.alternative is None
-    tolerances = {"arm": [0.8, 0.8], "turn": [0.05], "late": [0.25], "drift": [0.04, 0.04]}[error]
+    tolerances = {
+        "arm": [0.8, 0.8],
+        "turn": [0.05],
+        "late": [0.25],
+        "drift": [0.04, 0.04],
+        "arm and turn": [0.8, 0.8, 0.05],
+    }[error]
     free = np.flatnonzero(expected[error])
     assert np.flatnonzero(found.numbers).tolist() == free.tolist()
     assert (np.abs(found.numbers - expected[error])[free] <= tolerances).all()

@@ -242,24 +242,27 @@ def systematic_words(error: Systematic) -> str:
     if (other := error.alternative) is not None:
         first, second = (systematic_words(replace(each, alternative=None)) for each in (error, other))
         return f"{first}; or, which the track cannot distinguish from it, {second}"
+    words: list[str] = []
     if error.turn:
-        return (
+        words.append(
             f"headings fit if {math.degrees(error.turn):+.1f} degrees are subtracted, and were corrected so: a "
             "declination, a grid's North or a turned mount (--magnetic-declination, --heading-reference, --mount)"
         )
     if error.late:
         when = "earlier" if error.late > 0 else "later"
-        return (
+        words.append(
             f"positions fit if their times are {abs(error.late):.2g} s {when}, and were corrected so: the clocks of "
             "log and sonar differ (--nav-offset)"
         )
     if error.drift_east or error.drift_north:
         per_minute = 60 * math.hypot(error.drift_east, error.drift_north)
-        return f"positions drift by {per_minute:.2g} m a minute against the scans; the drift was removed"
-    return (
-        f"positions fit if they are moved {error.forward:+.1f} m forward and {error.left:+.1f} m to port, and were "
-        "corrected so: a lever arm (--mount) or, at a steady speed, a clock's offset (--nav-offset)"
-    )
+        words.append(f"positions drift by {per_minute:.2g} m a minute against the scans; the drift was removed")
+    if error.forward or error.left:
+        words.append(
+            f"positions fit if they are moved {error.forward:+.1f} m forward and {error.left:+.1f} m to port, and were "
+            "corrected so: a lever arm (--mount) or, at a steady speed, a clock's offset (--nav-offset)"
+        )
+    return "; and ".join(words)
 
 
 def _understated(what: str, times: float, left_out: bool) -> str:
