@@ -43,7 +43,6 @@ class Candidate:
 class RegisteredPair(Candidate):
     registration: Registration | None = None  # the result; None where the pair could not be registered
     failure: str = ""  # why it could not
-    guess: Registration | None = None  # pose by the usual motion, for consecutive scans that hardly constrain it
 
     @property
     def accepted(self) -> bool:
@@ -69,7 +68,7 @@ class Pair(RegisteredPair):
         role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
         predicted_overlap: expected before it was registered, 0..1; NaN where no estimate existed.
         alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
-        expected, registration, failure, guess: as of a `Candidate` and a `RegisteredPair`.
+        expected, registration, failure: as of a `Candidate` and a `RegisteredPair`.
         edge: its edge in the graph, from the registration or one of its alternatives; None if it was not kept.
         reason: in words, why it was kept or not.
         agreeing: number of other pairs that close a consistent cycle with it.

@@ -151,13 +151,13 @@ class SurveyResult:
 
     @property
     def unconfirmed(self) -> tuple[Pair, ...]:
-        """Gaps and guessed steps whose sides are in one map only by pairs that were sought at expected poses,
+        """Gaps whose sides are in one map only by pairs that were sought at expected poses,
         where such pairs are found, rightly or not."""
         graph = self.solution.graph
         sought = {pair.scans for pair in self.pairs if pair.expected is not None and pair.role != "sequential"}
         joined = DisjointSet(range(len(self.trajectory)))
         for edge in graph.edges:
-            if edge.kind not in ("guess", "prior") and (edge.i, edge.j) not in sought:
+            if edge.kind != "prior" and (edge.i, edge.j) not in sought:
                 joined.merge(edge.i, edge.j)
         for one, other in pairwise(graph.gauge.in_world):
             joined.merge(one, other)

@@ -9,11 +9,10 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
-from sonarmap.slam.decide.guesses import guessed_steps, uncontradicted
 from sonarmap.slam.decide.hand import hand_edges
 from sonarmap.slam.decide.lone import without_lone_steps
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds
+from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.verdict import with_verdicts
 from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
@@ -76,8 +75,7 @@ def decide(
 
     Accepted registrations of consecutive scans are chained. All other answers, alternatives and refused ones among
     them, have to agree with the chain or with one another; those that join parts of the chain come first. What is left
-    is optimized robustly, so that an answer that the others contradict, one of the chain too, is left out. Where no
-    answer joins two parts, the usual motion does, as the weak guess that it is. What a
+    is optimized robustly, so that an answer that the others contradict, one of the chain too, is left out. What a
     person accepted or added is an edge in any case, what a person rejected is none. A step that is not sure, and that
     no pair across confirms, is a gap, where no dead reckoning tells of it. The voxel is the survey's [m].
     """
@@ -100,8 +98,8 @@ def _decide(
     """As `decide` with `distrusted` pairs kept out of the chain; and which of the chain the graph contradicts."""
     count, odometry, priors = len(measurements.scans), measurements.steps, measurements.priors
     possible = _Possible.of(pairs, measurements, floor, bound, distrusted)
-    edges = (*possible.trusted, *(answer.edge() for answer in possible.taken.values()), *odometry, *possible.guesses)
-    sure = [*possible.trusted, *odometry, *possible.joins, *possible.guesses]
+    edges = (*possible.trusted, *(answer.edge() for answer in possible.taken.values()), *odometry)
+    sure = [*possible.trusted, *odometry, *possible.joins]
     parts = components(count, sure)
     chained = place_in_world(chain(sure, measurements.stamps), parts, priors)
     chained = place_by_control(chained, parts, measurements.control, priors)
@@ -143,7 +141,6 @@ class _Possible:
 
     trusted: list[Edge]  # the edges of the chain, and what a person accepted or added
     joins: list[Edge]  # answers that join parts of these
-    guesses: list[Edge]  # steps of the usual motion between parts that nothing else joins
     # all answers that are given to the optimizer beside `trusted`, by their scans
     taken: dict[tuple[int, int], PossibleEdge]
     supported: list[PossibleEdge]  # all answers but those of the chain, with their support
@@ -173,11 +170,7 @@ class _Possible:
             for answer in possible_edges(pair)
             if not answer.fault
         ]
-        compared = compared_with(trusted)
-        supported = compared.support(answers)
-        if (odds := twin_odds(supported)) > 1:
-            answers = [replace(answer, odds=odds) for answer in answers]
-            supported = compared.support(answers)
+        supported = compared_with(trusted).support(answers)
         by_itself = {scans: answer.registration for scans, answer in _taken(supported).items()}
         by_hand = hand_edges(asked, ties, by_itself)
         if by_hand:
@@ -187,13 +180,8 @@ class _Possible:
         while new_joins := _joins(count, [*trusted, *odometry, *joins], supported):
             joins += new_joins
             supported = compared_with([*trusted, *joins]).support(answers)
-        if guesses := guessed_steps(count, [*trusted, *odometry, *joins], asked, bound):
-            after = compared_with([*trusted, *joins, *guesses]).support(answers)
-            guesses = uncontradicted(guesses, supported, after)
-            supported = compared_with([*trusted, *joins, *guesses]).support(answers)
-        decided = {*by_hand, *((edge.i, edge.j) for edge in guesses)}
-        taken = {scans: answer for scans, answer in _taken(supported).items() if scans not in decided}
-        return cls(trusted, joins, guesses, taken, supported, chain_scans)
+        taken = {scans: answer for scans, answer in _taken(supported).items() if scans not in by_hand}
+        return cls(trusted, joins, taken, supported, chain_scans)
 
 
 def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:

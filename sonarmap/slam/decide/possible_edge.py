@@ -1,8 +1,4 @@
-"""Every answer that a registration could not exclude, as something that the whole survey may decide about.
-
-How often such answers are wrong, because places of a survey look like others, its loops show where the chain knows
-better.
-"""
+"""Every answer that a registration could not exclude, as something that the whole survey may decide about."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,8 +45,6 @@ class PossibleEdge:
     registration: Registration  # the answer
     rank: int = 0  # 0 for the registration itself, from 1 on for its alternatives
     near: bool = False  # whether the scans follow each other closely, so that they certainly share something
-    # how much more often than they say registrations of this survey are wrong (`slam.decide.possible_edge`)
-    odds: float = 1.0
     support: Support = Support()  # by the other pairs, as far as it is known
 
     @property
@@ -83,9 +77,8 @@ class PossibleEdge:
 
     @property
     def weight(self) -> float:
-        """How much it counts: the negative logarithm of the probability that it is wrong, in this survey."""
-        right, wrong = self.probability, self.odds * (1 - self.probability)
-        return log((right + wrong) / wrong)
+        """How much it counts: the negative logarithm of the probability that it is wrong."""
+        return -log(1 - self.probability)
 
     @property
     def joins_parts(self) -> bool:
@@ -149,19 +142,3 @@ def possible_edges(pair: RegisteredPair) -> list[PossibleEdge]:
         PossibleEdge(pair.i, pair.j, answer, rank, near=pair.role != "loop") for rank, answer in enumerate(answers)
     ]
     return [edge for edge in possible if edge.counts or edge.placed]
-
-
-# That registrations are wrong as often as they say counts like so many wrong ones.
-_ASSUMED = 2.0
-
-
-def twin_odds(possible_edges: Sequence[PossibleEdge]) -> float:
-    """By how much more often than they say accepted registrations of this survey are wrong; at least 1.
-
-    A probability is that of scenes of every kind. Where pillars, pools or pipes repeat themselves, registrations of
-    scans of different places agree as well as right ones. What loops within a part say is known from its own chain.
-    """
-    judged = [possible for possible in possible_edges if possible.accepted and not possible.joins_parts]
-    expected = sum(1 - possible.probability for possible in judged)
-    wrong = sum(not possible.support.agrees for possible in judged)
-    return max(1.0, (wrong + _ASSUMED) / (expected + _ASSUMED))

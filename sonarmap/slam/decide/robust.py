@@ -78,7 +78,7 @@ def robust_optimize(graph: PoseGraph, chain_worth: float | None = None) -> Robus
 
 def _fixed_inliers(graph: PoseGraph) -> np.ndarray:
     """(E,) bool: inliers in any case: what instruments or a person say, and what alone joins two parts."""
-    fixed = np.array([edge.by_hand or not (edge.is_registered or edge.kind == "guess") for edge in graph.edges], bool)
+    fixed = np.array([edge.by_hand or not edge.is_registered for edge in graph.edges], bool)
     fixed[list(cut_edges(len(graph.trajectory), graph.edges, graph.gauge.in_world))] = True
     return fixed
 
@@ -118,14 +118,13 @@ def _inliers(
     Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
     chain apart and it may end in a poor optimum. With the chain trusted it does not, but then a wrong edge of the chain
     cannot be found. Both are tried, and the one with the lower truncated cost is taken; an edge of the chain counts for
-    more, and a guess for nothing. What instruments measured is right in either, and counts as far as the poses
+    more. What instruments measured is right in either, and counts as far as the poses
     contradict it.
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
     if chain_worth is None:
         return _graduated(graph, active, fixed | sequential, bound)
-    guess = np.array([edge.kind == "guess" for edge in graph.edges], bool)
-    most = bound * np.where(sequential, chain_worth, ~guess)
+    most = bound * np.where(sequential, chain_worth, 1.0)
     measured = sum(known.rank for known in graph.gauge.all_known)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (fixed | sequential, fixed):

@@ -38,9 +38,7 @@ def with_verdicts(
             Pair(
                 **{field.name: getattr(pair, field.name) for field in fields(RegisteredPair)},
                 edge=edge,
-                reason=f"kept: {edge.registration.reason}"
-                if edge is not None and edge.kind == "guess"
-                else _reason(pair, tie, possible, pair.scans in taken, edge is not None, residual),
+                reason=_reason(pair, tie, possible, pair.scans in taken, edge is not None, residual),
                 agreeing=possible.support.pairs - 1 if possible else 0,
                 sigmas_from_estimate=possible.support.sigmas if possible else float("nan"),
                 residual=residual,

@@ -174,8 +174,8 @@ def _without_needless(graph: PoseGraph, plain: _Explanation, found: _Explanation
     needed = [kind for kind in kinds if found.look.rise_without(kind, kinds, found.error) >= _EXPLAINS]
     if not needed or len(needed) == len(kinds):
         return found
-    numbers, free = np.zeros(len(found.error.numbers)), tuple(number for kind in needed for number in kind)
-    numbers[list(free)] = found.error.numbers[list(free)]
+    free = tuple(number for kind in needed for number in kind)
+    numbers = np.where(np.isin(np.arange(len(found.error.numbers)), free), found.error.numbers, 0.0)
     start = replace(found, error=Systematic(*numbers.tolist()))
     without = _explanation(graph, plain, start, np.zeros(len(numbers)), free)
     return without if without.fits else found
@@ -185,7 +185,7 @@ def _explanation(
     graph: PoseGraph, plain: _Explanation, before: _Explanation, step: np.ndarray, free: tuple[int, ...]
 ) -> _Explanation:
     """The error of the `free` numbers, by Gauss-Newton steps from the one `before` on, the first of them given."""
-    error, at = before.error, before.at
+    error, fixes, at, weights = before.error, before.fixes, before.at, before.weights
     for _ in range(_STEPS):
         error = Systematic(*(error.numbers + step).tolist())
         fixes = plain.fixes.corrected(error, at.trajectory)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 
-Kind = Literal["sequential", "odometry", "tie", "loop", "guess", "prior"]
+Kind = Literal["sequential", "odometry", "tie", "loop", "prior"]
 SYMMETRY = 1e-9  # largest asymmetry of a covariance or information, as a share of its largest element
 
 
@@ -26,8 +26,7 @@ class Edge:
         registration: `T_target_source` is T_i_j; for a prior it is T_world_i. The covariance is (6, 6),
             rotation first [rad, m], body tangent of j.
         kind: "sequential" (registered consecutive scans), "loop" (any other registered pair), "odometry" (dead
-            reckoning), "tie" (measured by a person), "guess" (consecutive scans, by the usual motion) or "prior" (a
-            pose in the world).
+            reckoning), "tie" (measured by a person) or "prior" (a pose in the world).
         by_hand: whether a person vouches for it; it is then neither rejected nor down-weighted.
     """
 
@@ -56,7 +55,7 @@ class Edge:
 
     @property
     def is_of_pair(self) -> bool:
-        """Whether it stands for a pair of scans: registered, measured by a person, or guessed."""
+        """Whether it stands for a pair of scans: registered, or measured by a person."""
         return self.kind not in ("odometry", "prior")
 
     def with_scale_factor(self, factor: float) -> "Edge":
@@ -133,7 +132,7 @@ def inverse_definite(matrix: np.ndarray) -> np.ndarray:
 
 
 def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
-    """Spanning forest of `count` poses; takes consecutive scans first, then odometry, ties, loops and guesses."""
+    """Spanning forest of `count` poses; takes consecutive scans first, then odometry, ties and loops."""
     joined = DisjointSet(range(count))
     between = [edge for edge in edges if edge.kind != "prior"]
     order = get_args(Kind)

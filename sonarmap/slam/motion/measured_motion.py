@@ -31,10 +31,6 @@ class MeasuredMotion:
             return self.learned.expected(i, j)
         return ExpectedPose.along_target(RigidTransform.identity(), _ANYWHERE)
 
-    def reach(self, i: int, j: int) -> ExpectedPose:
-        """As learned, for scans that dead reckoning does not tell of."""
-        return self.expected(i, j) if self.learned is None else self.learned.reach(i, j)
-
     def way(self, i: int, j: int) -> tuple[float, float] | None:
         """As learned, where dead reckoning does not tell it better."""
         return None if self.learned is None or self.is_measured(i, j) else self.learned.way(i, j)

@@ -27,8 +27,6 @@ _LIMIT_SIGMAS = 3.0
 _ANYTHING = 1e3
 # Squared distance of six numbers over their scatter that one step of 100 exceeds, under this t: 6 F(6, 4).
 _BEYOND = 6 * 15.21
-# The variance, over the learned one, of the Gaussian that one step of 100 exceeds alike.
-_REACH = _BEYOND * (_TAILS - 2) / _TAILS / 16.81
 # Steps of vehicles that turn, stop and go leave what was seen so far: the spread that is granted, of the learned one.
 _GRANTED = 2.0
 # No number of a step varies by less than this share of the variances that are assumed and granted.
@@ -162,18 +160,10 @@ class Motion:
 
     def expected(self, i: int, j: int) -> ExpectedPose:
         """T_i_j: its mean is that of a steady motion, its spread grows with the time between, up to the limits."""
-        return self._about(i, j, _GRANTED * self.variances[i:j])
-
-    def reach(self, i: int, j: int) -> ExpectedPose:
-        """T_i_j with all that the vehicle may do: turns as at the ends of lanes, and the tails of Student's t."""
-        return self._about(i, j, np.tile(_REACH * np.diag(self.covariance), (j - i, 1)))
-
-    def _about(self, i: int, j: int, variances: np.ndarray) -> ExpectedPose:
-        """The steady motion from i to j, with (j - i, 6) variances per unit of time."""
         span = float(self.times[j] - self.times[i])
         shares = np.diff(self.times[i : j + 1]) / span
         T = _steady(shares @ self.rates[i:j], span)
-        spread = np.sqrt(shares @ variances) * span
+        spread = np.sqrt(_GRANTED * (shares @ self.variances[i:j])) * span
         most = np.repeat([self.limits.turn(span), self.limits.way(span, j - i)], 3) / _LIMIT_SIGMAS
         return ExpectedPose.along_target(T, np.hypot(np.minimum(spread, most), self.floor))
 

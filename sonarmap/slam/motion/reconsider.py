@@ -28,9 +28,6 @@ _STEP_ODDS = 4.0
 # Where nearly all others are believed by themselves, one that is not is less usual: then only by so much. At five of 35
 # places where two dives met, the step had a probability of 0.62 to 0.66, as 4 of 1,459 right steps over rich relief.
 _LONE_ODDS = 2.5
-# Of less probable ones, down to this, the usual motion is a guess: about an expected place, 99 of 100 pairs that share
-# nothing are below it.
-_POSSIBLE_STEP = 0.2
 # Only where so many steps, and such a share of all, are doubtful: of 26 folders of two dives two were joined by one.
 _FEW_DOUBTS, _DOUBTED = 2, 0.1
 
@@ -89,9 +86,7 @@ def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.n
 def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -> list[RegisteredPair]:
     """The pairs, those of consecutive scans believed as far as they are likely: these nearly always share a place.
 
-    What is likely is accepted; where the scans leave its pose open, as wide as the usual motion leaves it. What is only
-    possible stays refused, with the usual motion beside it as a guess; but not where nearly all other steps are
-    believed: there two dives meet.
+    What is likely is accepted; where the scans leave its pose open, as wide as the usual motion leaves it.
     """
     steps = [pair for pair in pairs if pair.role == "sequential"]
     doubtful = sum(not step.accepted for step in steps)
@@ -103,13 +98,13 @@ def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -
 
 def _as_step(pair: RegisteredPair, motion: AnyMotion | None, alone: bool) -> RegisteredPair:
     registration = pair.registration
-    if registration is None or not registration.probability >= _POSSIBLE_STEP:
+    if registration is None or not registration.probability > 0:
         return pair
     odds = (_LONE_ODDS if alone else _STEP_ODDS) * registration.probability
     as_step = registration.with_probability(odds / (odds + 1 - registration.probability))
-    usual = None if motion is None or motion.is_measured(*pair.scans) else motion
     if not as_step.placed:
-        return pair if usual is None or alone else replace(pair, guess=_guess(registration, usual.reach(*pair.scans)))
+        return pair
+    usual = None if motion is None or motion.is_measured(*pair.scans) else motion
     why, evidence = "likely enough for a step between consecutive scans", (("likely", registration.probability),)
     if registration.placed:
         why, evidence = "the usual motion holds what the scans leave open", ()
@@ -120,17 +115,6 @@ def _as_step(pair: RegisteredPair, motion: AnyMotion | None, alone: bool) -> Reg
     evidence = (*registration.evidence, *evidence)
     accepted = replace(as_step, accepted=True, reason=f"{why}; {registration.reason}", evidence=evidence)
     return replace(pair, registration=accepted)
-
-
-def _guess(registration: Registration, reach: ExpectedPose) -> Registration:
-    """Where a registration that is hardly probable, or else the motion has the step."""
-    share = registration.probability
-    return replace(
-        _either(registration, reach, share),
-        alternatives=(),
-        evidence=(("assumed", share),),
-        reason=f"assumed from typical motion: the scans barely constrain it ({share:.0%} probable)",
-    )
 
 
 def _either(registration: Registration, expected: ExpectedPose, share: float) -> Registration:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, twin_odds
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
 from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import drawn, measurements_of, random_covariance, registration, ring_poses
@@ -195,22 +195,3 @@ def test_chi_squared_before_is_of_the_chained_poses():
     graph = result.solution.graph
     assert result.solution.chi_squared_before == pytest.approx(graph.at(result.chained.T_world_sensor).chi_squared)
     assert result.solution.chi_squared_before > 2 * result.solution.chi_squared_after
-
-
-def test_odds_are_what_loops_within_a_part_show() -> None:
-    assert twin_odds([]) == 1
-    # five of fifty are wrong as told, and thirty would be six times as many: less so while few have been judged
-    assert twin_odds([*answers(INSIDE, 45), *answers(CONTRADICTING, 5)]) == pytest.approx(1)
-    assert twin_odds([*answers(INSIDE, 20), *answers(CONTRADICTING, 30)]) == pytest.approx(32 / 7)
-    assert twin_odds(answers(CONTRADICTING, 1)) == pytest.approx(3 / 2.1)
-    # a survey without twins is not believed more than registrations say
-    assert twin_odds(answers(INSIDE, 200)) == 1
-    # what joins parts and what was not believed shows nothing
-    assert twin_odds([*answers(JOINING, 9), *answers(CONTRADICTING, 9, accepted=False)]) == 1
-
-
-@pytest.mark.parametrize("odds", [1.0, 2.0, 30.0])
-def test_odds_count_in_the_weight(odds: float) -> None:
-    answer = replace(*answers(INSIDE, 1), odds=odds)
-    wrong = 0.1 * odds / (0.1 * odds + 0.9)
-    assert answer.weight == pytest.approx(-np.log(wrong))
