@@ -182,9 +182,8 @@ class TestOtherFunctions:
         of_graph, of_file = sonarmap.optimize(graph), sonarmap.optimize(tmp_path / "graph.g2o")
         T, again = (solved.graph.trajectory.T_world_sensor for solved in (of_graph, of_file))
         np.testing.assert_allclose(T.as_matrix(), again.as_matrix(), atol=1e-6)
-        for name, words in (("objective", "choose one of full, isotropic"), ("start", "choose one of chordal, given")):
-            with pytest.raises(sonarmap.InputError, match=f"`{name}='zz'` is not known; {words}"):
-                api.optimize(graph, **{name: "zz"})
+        with pytest.raises(sonarmap.InputError, match="`start='zz'` is not known; choose one of chordal, given"):
+            sonarmap.optimize(graph, start="zz")
 
     def test_map_scans_uses_stamps_and_priors(self) -> None:
         """The prior of one scan places the map in the world; wrong numbers of stamps or priors are refused."""
@@ -321,7 +320,6 @@ class TestArguments:
             (lambda: api.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
             (lambda: api.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
             (lambda: api.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
-            (lambda: api.optimize("a.g2o", objective=np.zeros(2)), "`objective=array.*wanted 'full' or"),
             (lambda: api.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal' or 'given'"),
         ],
     )
@@ -368,7 +366,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]
         "prepare": {"scans": [points(1)[::8]], **MADE},
         "map_scans": {"scans": scans, **MADE, "method": KNOWING, **survey},
         "read_scans": {"paths": folder / "a.npy", **corrections},
-        "optimize": {"graph": graph, "objective": "full", "start": "chordal", "robust": False},
+        "optimize": {"graph": graph, "start": "chordal", "robust": False},
         "export_map": {
             **{"folder": finished, "to": folder / "out", "formats": "xyz", "crs": "map", "height": "top"},
             **{"points": "map", "scans_from": (), **options},

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.mapper import MapperSettings
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.motion.turn_rates import TurnRates
-    from sonarmap.slam.optimize.solve import Objective, Optimized, Start
+    from sonarmap.slam.optimize.solve import Optimized, Start
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.slam.tie import Tie
     from sonarmap.spectral.registration import SpectralRegistrar
@@ -322,7 +322,6 @@ def _read_survey(
 def optimize(
     graph: "PoseGraph | str | os.PathLike[str]",
     *,
-    objective: "Objective" = "full",
     start: "Start" = "chordal",
     robust: bool = False,
 ) -> "Optimized":
@@ -330,8 +329,6 @@ def optimize(
 
     Args:
         graph: a connected graph, or the path of a g2o file or of a map's graph.json.
-        objective: "full", chi-squared with the edges' whole information; "isotropic", one weight for an edge's rotation
-            and one for its translation; a certificate says whether its solution is the global optimum.
         start: "chordal", from the edges alone; "given", from the graph's poses.
         robust: whether to reject wrong edges first.
 
@@ -350,7 +347,7 @@ def optimize(
         path = Path(graph)
         graph = read_graph_json(path) if path.suffix == ".json" else read_g2o(path)
         require_connected(path, graph)
-    return optimize_graph(graph, objective, start, robust)
+    return optimize_graph(graph, start, robust)
 
 
 @public

@@ -50,7 +50,6 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "ties": ((Sequence,), "a list of Tie"),
     "control": ((Sequence,), "a list of ControlPoint"),
     "graph": (_PATHS, "a PoseGraph, or the path of a file with one"),
-    "objective": (_TEXT, "'full' or 'isotropic'"),
     "start": (_TEXT, "'chordal' or 'given'"),
     **dict.fromkeys(("robust", "same_frame", "alone", "report"), ((bool, np.bool_), "True or False")),
     **dict.fromkeys(("reach", "cloud_sigma", "cell"), ((Real, *_NONE), _LENGTH)),

@@ -1,4 +1,4 @@
-"""Pose graphs from files: the full or the isotropic cost, from several starts, with a certificate of optimality.
+"""Pose graphs from files: the optimum of their edges, from several starts.
 
-In: a `PoseGraph`. Out: an `Optimized` graph with costs, residuals, rejected edges and the certificate.
+In: a `PoseGraph`. Out: an `Optimized` graph with chi-squared, residuals and rejected edges.
 """

@@ -132,7 +132,7 @@ def discard(stream: TextIO) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-_SAME = ("device", "fix_sigma", "frame", "fresh", "max_tilt", "method", "objective", "range_scale")
+_SAME = ("device", "fix_sigma", "frame", "fresh", "max_tilt", "method", "range_scale")
 _SAME += ("seed", "sound_speed", "start", "ties", "units", "voxel", "workers")
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "alignment": "--align",

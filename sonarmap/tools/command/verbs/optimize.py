@@ -16,10 +16,10 @@ from sonarmap.tools.command.option import OPTIMIZATION, OUTPUT, REQUIRED, JsonOp
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, progress, result_console, warn
 
 if TYPE_CHECKING:
-    from sonarmap.slam.optimize.solve import Objective, Start
+    from sonarmap.slam.optimize.solve import Start
 
 NOT_CONVERGED = 3
-OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given")
+STARTS = ("chordal", "given")
 MOST_REPAIRED, MOST_REJECTED = 10, 20  # edges listed by the warnings and by the table
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
 
@@ -27,11 +27,6 @@ _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consi
 def command(
     source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
     out: Path = OUTPUT.option("OUT.g2o", "The optimized pose graph.", REQUIRED, "-o", "--out"),
-    objective: str = OPTIMIZATION.choice(
-        "full or isotropic. full: the whole information matrix of every edge; isotropic: one weight for the rotation "
-        "and one for the translation of an edge, so that the optimum can be certified.",
-        OBJECTIVES,
-    ),
     start: str = OPTIMIZATION.choice(
         "Initial poses. chordal: computed from the edges alone; given: the poses in the file.",
         STARTS,
@@ -41,9 +36,6 @@ def command(
         "--repair",
         "Make all information matrices positive definite: eigenvalues below a millionth of the largest are raised to "
         "it. Warnings name the edges, and OUT.g2o has the repaired matrices.",
-    ),
-    both: bool = OPTIMIZATION.flag(
-        "--both", "Also solve the other objective, and print the distance between the solutions."
     ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -55,7 +47,7 @@ def command(
     """
     import numpy as np
 
-    from sonarmap.slam.optimize.solve import distance_to_other, optimize, without_effect
+    from sonarmap.slam.optimize.solve import optimize, without_effect
     from sonarmap.tools.files.readers.g2o import Repair, read_g2o, require_connected
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.poses import rewrite_g2o
@@ -63,21 +55,16 @@ def command(
     if out.resolve() == source.resolve():
         raise InputError(f"{out} is also the input; choose another name for the output")
     start_time = time.perf_counter()
-    with progress("optimizing", 3 + both, quiet or as_json) as advance:
+    with progress("optimizing", 3, quiet or as_json) as advance:
         repairs: list[Repair] = []
         graph = read_g2o(source, repairs if repair else None)
         require_connected(source, graph)
         require_writable(out.parent)
         seconds = {"read": time.perf_counter() - start_time}
         advance("read")
-        optimized = optimize(graph, cast("Objective", objective), cast("Start", start), robust)
+        optimized = optimize(graph, cast("Start", start), robust)
         advance("optimized")
-        report: dict[str, Any] = optimized.to_json() | {"distance": None}
-        if both:
-            compare_time = time.perf_counter()
-            report["distance"] = distance_to_other(optimized)
-            seconds["compare"] = time.perf_counter() - compare_time
-            advance("compared")
+        report: dict[str, Any] = optimized.to_json()
         rejected = set(np.flatnonzero(~optimized.accepted).tolist())
         changed = {each.edge: graph.edges[each.edge] for each in repairs}
         rewrite_g2o(out, source, optimized.graph.trajectory, rejected, changed)
@@ -132,29 +119,10 @@ def _rows(report: dict[str, Any], rejected: list[dict[str, Any]] | None) -> dict
             if rejected is None
             else {"rejected": f"{counted(len(rejected), 'edge')}, left out" if rejected else "no edge"}
         ),
-        "cost": f"{report['cost_before']:.6g} before, {report['cost_after']:.9g} after {report['iterations']} "
-        f"iterations from the {report['start']} start ({report['objective']} objective)",
-        "chi-squared": f"{report['chi_squared_before']:.6g} before, {report['chi_squared_after']:.6g} after; "
-        f"{report['degrees_of_freedom']} degrees of freedom",
-        "certificate": _certificate(report["certificate"]),
-        **({"compared": _distance(report["distance"])} if report["distance"] else {}),
+        "chi-squared": f"{report['chi_squared_before']:.6g} before, {report['chi_squared_after']:.9g} after "
+        f"{report['iterations']} iterations from the {report['start']} start; {report['degrees_of_freedom']} degrees "
+        "of freedom",
     }
-
-
-def _certificate(certificate: dict[str, Any]) -> str:
-    gap = f" (gap {certificate['gap']:.2g})" if certificate["gap"] is not None else ""
-    reason = as_options(certificate["reason"])
-    return f"none: {reason}" if certificate["verdict"] == "none" else reason + gap
-
-
-def _distance(distance: dict[str, Any]) -> str:
-    if "reason" in distance:
-        return f"not with the {distance['to']} objective: {as_options(distance['reason'])}"
-    return (
-        f"the solution of the {distance['to']} objective is {distance['translation_rms_m']:.3g} m and "
-        f"{distance['rotation_rms_deg']:.3g}° away (root mean square; at most "
-        f"{distance['translation_max_m']:.3g} m and {distance['rotation_max_deg']:.3g}°)"
-    )
 
 
 def _print_rejected(rejected: list[dict[str, Any]]) -> None:

@@ -8,7 +8,6 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import chain
-from sonarmap.slam.optimize.chordal import ChordalProblem
 from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.writers.poses import write_g2o
 from tests.samples.clutter_scans import printed, printed_at, refused, said, sonarmap
@@ -20,9 +19,8 @@ GRAPHS = DATA / "graphs"
 BEST = {"tinyGrid3D": 18.5193664, "smallGrid3D": 1025.39806, "parking-garage": 1.26252443, "sphere2500": 1687.00581}
 needs_graphs = pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
 
-KEYS = {"objective", "start", "poses", "edges", "components", "cost_before", "cost_after", "chi_squared_before"}
-KEYS |= {"chi_squared_after", "degrees_of_freedom", "iterations", "converged", "certificate", "loops", "seconds"}
-KEYS |= {"distance", "repaired"}
+KEYS = {"start", "poses", "edges", "components", "chi_squared_before", "chi_squared_after", "degrees_of_freedom"}
+KEYS |= {"iterations", "converged", "loops", "seconds", "repaired"}
 
 
 def ring(seed: int = 0, loops: bool = True) -> PoseGraph:
@@ -57,16 +55,13 @@ def wrong_loop(source: Path) -> Path:
     return source
 
 
-def test_the_full_objective_reports_every_field(source: Path) -> None:
-    summary = summary_of(source, "--both")
+def test_every_field_is_reported(source: Path) -> None:
+    summary = summary_of(source)
     assert set(summary) == KEYS
     assert (summary["poses"], summary["edges"], summary["components"]) == (12, 15, 1)
     assert summary["degrees_of_freedom"] == 6 * (15 - 11)
-    assert summary["cost_after"] == pytest.approx(summary["chi_squared_after"] / 2, rel=1e-6)
     assert summary["chi_squared_after"] < summary["chi_squared_before"]
-    assert summary["certificate"]["verdict"] == "none"
-    assert "isotropic" in summary["certificate"]["reason"]
-    assert {"read", "optimize", "compare", "total"} <= set(summary["seconds"])
+    assert {"read", "optimize", "total"} <= set(summary["seconds"])
     assert [(loop["i"], loop["j"]) for loop in summary["loops"]] == [(11, 0), (2, 8), (3, 9), (9, 4)]
     assert {loop["verdict"] for loop in summary["loops"]} == {"accepted"}
     written = read_g2o(source.parent / "out.g2o")
@@ -96,20 +91,6 @@ def test_an_indefinite_information_is_repaired_and_reported(source: Path) -> Non
     assert values[0] == pytest.approx(1e-6 * values[-1], rel=1e-3)
     others = [n for n in range(len(lines)) if lines[n].startswith("EDGE") and n != number]
     assert all(out.read_text().splitlines()[n] == lines[n] for n in others)
-
-
-def test_the_isotropic_objective_is_certified_and_compared(source: Path) -> None:
-    summary = summary_of(source, "--objective", "isotropic", "--both")
-    assert summary["certificate"]["verdict"] == "certified"
-    assert summary["certificate"]["gap"] <= 1e-6 * summary["cost_after"]
-    written = read_g2o(source.parent / "out.g2o")
-    problem = ChordalProblem.of(12, written.edges)
-    assert problem.cost(written.trajectory.T_world_sensor) == pytest.approx(summary["cost_after"], rel=1e-9)
-    there, back = summary["distance"], summary_of(source, "--both")["distance"]
-    assert (there.pop("to"), back.pop("to")) == ("full", "isotropic")
-    assert there == pytest.approx(back, rel=1e-6)
-    assert 0 < there["translation_rms_m"] < there["translation_max_m"] < 1
-    assert summary_of(source)["distance"] is None
 
 
 def test_lines_other_than_poses_are_unchanged(tmp_path: Path) -> None:
@@ -179,7 +160,6 @@ def test_unconnected_parts_are_refused_with_line_and_vertices(tmp_path: Path) ->
     ("options", "words"),
     [
         (("-o", "in.g2o"), "is also the input"),
-        (("-o", "out.g2o", "--objective", "chordal"), "choose one of full, isotropic"),
         (("-o", "out.g2o", "--start", "random"), "choose one of chordal, given"),
     ],
 )
@@ -188,29 +168,39 @@ def test_bad_options(source: Path, options: tuple[str, ...], words: str, monkeyp
     refused(sonarmap("optimize", "in.g2o", *options), words)
 
 
-def test_a_single_pose_and_two_fixed_vertices_are_refused(tmp_path: Path, source: Path) -> None:
+def test_a_single_pose_is_refused(tmp_path: Path) -> None:
     (tmp_path / "one.g2o").write_text("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n")
     said(sonarmap("optimize", tmp_path / "one.g2o", "-o", tmp_path / "out.g2o"), "nothing to optimize")
-    source.write_text(source.read_text() + "FIX 0 3\n")
-    result = sonarmap("optimize", source, "-o", tmp_path / "out.g2o", "--objective", "isotropic")
-    refused(result, "2 vertices are fixed")
-    assert "2 vertices are fixed" in summary_of(source, "--both")["distance"]["reason"]
 
 
 def test_an_optimizer_that_does_not_converge_is_reported(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarmap.slam.optimize.chordal._MAX_ITERATIONS", 1)
+    optimize = PoseGraph.optimize
+    monkeypatch.setattr(PoseGraph, "optimize", lambda self: optimize(self, max_iterations=1))
     out = source.parent / "out.g2o"
-    result = sonarmap("optimize", source, "-o", out, "--objective", "isotropic", "--start", "given")
+    result = sonarmap("optimize", source, "-o", out, "--start", "given")
     assert result.exit_code == 3
     said(result, "did not converge in 1 iterations")
     assert len(read_g2o(out).trajectory) == 12
 
 
+def isotropic_cost(graph: PoseGraph) -> float:
+    """F of SE-Sync (IJRR 2019, DOI 10.1177/0278364918784361): one weight for each edge's rotation and translation."""
+    T, cost = graph.trajectory.T_world_sensor, 0.0
+    for each in graph.edges:
+        R, t, covariance = T[each.i].rotation, each.registration.T_target_source, each.registration.covariance
+        kappa, tau = 1.5 / np.trace(covariance[:3, :3]), 3 / np.trace(covariance[3:, 3:])
+        turned = T[each.j].rotation.as_matrix() - (R * t.rotation).as_matrix()
+        moved = T[each.j].translation - T[each.i].translation - R.apply(t.translation)
+        cost += kappa * (turned**2).sum() + tau * (moved**2).sum()
+    return cost
+
+
 @pytest.mark.quick_cases(1)
 @needs_graphs
 @pytest.mark.parametrize("name", sorted(BEST, reverse=True))
-def test_benchmarks_reach_the_best_known_cost(name: str, tmp_path: Path) -> None:
+def test_benchmarks_come_close_to_the_best_known_cost(name: str, tmp_path: Path) -> None:
+    """Their optimum is of another cost, which is the same to first order where the edges' errors are isotropic."""
     (tmp_path / "in.g2o").symlink_to(GRAPHS / f"{name}.g2o")
-    summary = summary_of(tmp_path / "in.g2o", "--objective", "isotropic")
-    assert summary["cost_after"] == pytest.approx(BEST[name], rel=1e-6)
-    assert summary["certificate"]["verdict"] == "certified"
+    summary_of(tmp_path / "in.g2o")
+    cost = isotropic_cost(read_g2o(tmp_path / "out.g2o"))
+    assert BEST[name] * (1 - 1e-6) <= cost <= 1.03 * BEST[name]
