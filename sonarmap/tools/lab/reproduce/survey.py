@@ -16,8 +16,16 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.survey_mapped import OURS, PEERS, STAGES, SYSTEMS, installed, map_survey, mapped_of
-from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, estimate_cells, simulate_survey, survey_rows
+from sonarmap.tools.lab.reproduce.survey_mapped import (
+    OURS,
+    PEERS,
+    SYSTEMS,
+    MappedSurvey,
+    installed,
+    map_survey,
+    mapped_of,
+)
+from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, estimate_cells, simulate_survey, survey_cells
 from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.methods.registry import ALL_METHODS, DEFAULT_METHOD, Setup, find_method
@@ -63,8 +71,8 @@ def create(request: Request) -> Experiment:
         grid = survey_grid(survey.scans, settings.edge)
         mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, request.opened.selector)
         labels = _named(kind) | {"system": system}
-        rows = tuple({**labels, **row} for row in survey_rows(survey, mapped, grid.voxel))
-        return Outcome(rows, (labels | _seconds(mapped.took, len(survey.scans)),))
+        cells = labels | survey_cells(survey, mapped, grid.voxel)
+        return Outcome((cells,), (labels | _seconds(mapped, len(survey.scans)),))
 
     jobs = []
     for seed in all_seeds(settings):
@@ -82,12 +90,10 @@ def _named(kind: str) -> dict[str, Value]:
     return {"scene": scene, "seed": int(seed), "survey": survey}
 
 
-def _seconds(took: Mapping[str, float], scans: int) -> dict[str, Value]:
-    """Cells of times and memory; NaN for times that a system does not report."""
-    total, *parts = (took.get(stage, float("nan")) for stage in STAGES)
-    times = {f"{stage}_s": seconds for stage, seconds in zip(STAGES[1:], parts, strict=True)}
-    memory = took["memory"] / 2**20
-    return {"scans": scans, "total_s": total, "per_scan_s": total / scans, **times, "peak_memory_mib": memory}
+def _seconds(mapped: MappedSurvey, scans: int) -> dict[str, Value]:
+    """Cells of time and memory."""
+    total, memory = mapped.seconds, mapped.memory / 2**20
+    return {"scans": scans, "total_s": total, "per_scan_s": total / scans, "peak_memory_mib": memory}
 
 
 _DECISIONS = {"scenes": ROUGH_SCENES, "seeds": 5, "first_seed": 7202, "scans": 24, "edge": 128}

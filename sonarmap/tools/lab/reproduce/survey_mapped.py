@@ -1,8 +1,7 @@
 """Maps a survey by one system, in a separate process to measure its memory."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from sonarmap.slam.pair import Pair
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.grid import Grid
-    from sonarmap.spectral.registration import SpectralRegistrar
 
 OURS = "sonarmap"
 PEERS = ("multiway", "kiss-slam")
@@ -34,20 +32,14 @@ class MappedSurvey:
     pairs: tuple[TriedPair, ...]  # all tried pairs, by the scans' numbers
     points: np.ndarray  # (M, 3) of the map, in the trajectory's frame [m]
     seen: np.ndarray  # (M,) int, number of scans that saw each point
-    # wall time by `STAGES` [s], "total" from the first scan to the last result; and "memory", the peak resident memory
-    # of the process [bytes]
-    took: Mapping[str, float]
+    seconds: float = float("nan")  # wall time from the first scan to the last result [s]
+    memory: int = 0  # peak resident memory of the process [bytes]
     components: int = 1  # number of components of two or more scans
     chained: Trajectory | None = None  # the same poses before loop closure; None if the system does not return them
     # (n, 6, 6) of the poses relative to the first, rotation first [rad, m], body tangent; None if not returned
     covariances: np.ndarray | None = None
     # distances between crossing tracks, the median of their medians [m], before and after loop closure
     crossings: tuple[float, float] = (float("nan"), float("nan"))
-    signatures: Mapping[int, np.ndarray] = field(default_factory=dict)  # by the number of the scan
-
-
-# Names of a system's times; "optimizing" is the remainder, including the choice of loops
-STAGES = ("total", "registering", "signing", "optimizing", "fusing")
 
 
 def map_survey(
@@ -81,37 +73,20 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
     """Map as `sonarmap map` does with default settings, in this process."""
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.slam.execute.runner import Execution
-    from sonarmap.slam.execute.worker import Job, PairJob, Sources, TimedText, Worker, prepared_limit
-    from sonarmap.slam.graph.pose_covariance import pose_covariances
+    from sonarmap.slam.execute.worker import prepared_limit
     from sonarmap.slam.mapper import Mapper
     from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.memory import peak_memory
 
     registrar = SpectralRegistrar(choose_device(device), grid)
-    took = {"registering": 0.0, "signing": 0.0}
-
-    class TimedWorker(Worker):
-        def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
-            start = perf_counter()
-            done = super().run(jobs, sources)
-            stage = "registering" if any(isinstance(job, PairJob) for job in jobs) else "signing"
-            took[stage] += perf_counter() - start
-            return done
-
-    execution = Execution(TimedWorker(registrar, prepared_limit(registrar)))
+    execution = Execution.here(registrar, prepared_limit(registrar))
     start = perf_counter()
     result = Mapper(registrar, grid.voxel, execution=execution).run(scans, surveys=surveys)
-    took["total"], took["memory"] = perf_counter() - start, peak_memory()
-    # fusing also computes the poses' covariances, whose time is measured here to count it as optimizing
-    start = perf_counter()
-    pose_covariances(result.solution)
-    took["fusing"] = max(0.0, execution.timings.stages["map fused"] - (perf_counter() - start))
-    took["optimizing"] = took["total"] - took["registering"] - took["signing"] - took["fusing"]
-    return replace(mapped_of(result), took=took, signatures=_signatures(registrar, scans))
+    return replace(mapped_of(result), seconds=perf_counter() - start, memory=peak_memory())
 
 
 def mapped_of(result: "SurveyResult") -> MappedSurvey:
-    """The result of our mapper, without times and signatures."""
+    """The result of our mapper, without time and memory."""
     from sonarmap.slam.parts import placed
 
     largest = placed(result.components)[0]
@@ -123,7 +98,6 @@ def mapped_of(result: "SurveyResult") -> MappedSurvey:
         pairs=tuple(_tried(pair) for pair in result.pairs),
         points=part.optimized.points,
         seen=part.optimized.seen,
-        took={},
         components=sum(len(component) > 1 for component in result.components),
         chained=result.chained.take(members),
         covariances=result.covariances[members],
@@ -137,15 +111,6 @@ def _tried(pair: "Pair") -> TriedPair:
     return TriedPair(pair.i, pair.j, pair.role, pair.kept, answer.T_target_source if answer else None)
 
 
-def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[int, np.ndarray]:
-    """Signatures by the number of the scan; scans with too few points have none."""
-    signatures = {}
-    for k, scan in enumerate(scans):
-        with suppress(InputError):
-            signatures[k] = registrar.signature(registrar.prepare(scan))
-    return signatures
-
-
 def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
     """Map by another system, and fuse the points at its poses as our mapper does."""
     from sonarmap.slam.map.doubtful_points import clean_map
@@ -154,8 +119,8 @@ def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
     from sonarmap.tools.lab.baselines import surveys
 
     run = (surveys.run_multiway if system == "multiway" else surveys.run_kiss_slam)(scans, grid.voxel)
-    took = {"total": run.seconds, "memory": peak_memory()}
+    memory = peak_memory()
     placed = run.trajectory.stamps.astype(int).tolist()
     chosen = [scans[k] for k in placed]
     fused = clean_map(PlacedScans.of(chosen, run.trajectory.T_world_sensor, grid.voxel, placed)).clean
-    return MappedSurvey(tuple(placed), run.trajectory, run.pairs, fused.points, fused.seen, took)
+    return MappedSurvey(tuple(placed), run.trajectory, run.pairs, fused.points, fused.seen, run.seconds, memory)

@@ -315,7 +315,6 @@ SURVEY = (
             "of positions (3)": number("position_nees_mean", 1),
             "unusable pairs kept": number("unusable_kept", 0),
         },
-        rows="row == 'map'",
     ),
     Table(
         "Maps against the true surface",
@@ -329,13 +328,11 @@ SURVEY = (
             "crossings before loops [m]": number("crossing_before_m", 2),
             "crossings [m]": number("crossing_after_m", 2),
         },
-        rows="row == 'map'",
     ),
     Table(
         "Pairs: kept right, kept wrong, refused right, refused wrong",
         _SURVEY,
         {role: joined(", ", *(number(f"{role}_{fate}", 0) for fate in FATES)) for role in (*ROLES, BETWEEN)},
-        rows="row == 'map'",
     ),
     Table(
         "Times and memory",
@@ -343,10 +340,6 @@ SURVEY = (
         {
             "total [s]": number("total_s", 1),
             "per scan [s]": number("per_scan_s", 1),
-            "registering [s]": number("registering_s", 1),
-            "signatures [s]": number("signing_s", 1),
-            "optimizing, choosing loops [s]": number("optimizing_s", 1),
-            "fusing [s]": number("fusing_s", 1),
             "peak memory [MiB]": number("peak_memory_mib", 0),
         },
         times=True,
