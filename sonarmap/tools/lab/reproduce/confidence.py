@@ -21,7 +21,6 @@ from sonarmap.spectral.judgement import Clues, Odds, fixed_probability, judge, s
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.lab.reproduce.evidence import (
-    DISTORTED,
     STILL,
     SURVEY,
     UNRELATED,
@@ -157,7 +156,7 @@ def fit_slide(pairs: Sequence[RecordedPair]) -> Slide:
 
 # Draws of each set: one of a kind has five registrations, one of a survey about 35. Neither evaluations nor tests use
 # pairs of this seed. A sixth of the still pairs has half of `edge` voxels per edge, another twice as many.
-_COUNTS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240, DISTORTED: 300}
+_COUNTS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240}
 _USUAL = {"counts": _COUNTS, "seed": 880_301, "edge": 128}
 # Modules that affect the recorded evidence. Modules that evaluate it can change without new recordings.
 _MEASURING = ("registration", "grid", "scan", "expected", "prior", "so3", "geometry", "translation")
@@ -205,9 +204,9 @@ def _in_turns(counts: Mapping[str, int]) -> list[str]:
 def fitted_and_tested(rows: Sequence[Row]) -> list[Row]:
     """Rows of the confidence on recorded pairs that a fit did not use; the first row also has the fit to all of them.
 
-    Distorted pairs and pairs that bounds refuse are left out, as no probability is right or wrong about them.
+    Pairs that bounds refuse are left out, as no probability is right or wrong about them.
     """
-    recorded = [pair for pair in recorded_pairs(rows) if pair.cells["set"] != DISTORTED and not pair.cells["refused"]]
+    recorded = [pair for pair in recorded_pairs(rows) if not pair.cells["refused"]]
     slide = fit_slide([pair for pair in recorded if pair.cells["related"]])
     pairs = judged(recorded, slide)
     folds = np.array([int(pair.cells["number"]) % _FOLDS for pair in recorded])

@@ -33,7 +33,7 @@ from sonarmap.tools.lab.simulate.random_pairs import Turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.simulation import Simulation, observe, simulate
 
-STILL, UNRELATED, SURVEY, DISTORTED = "still", "unrelated", "survey", "distorted"
+STILL, UNRELATED, SURVEY = "still", "unrelated", "survey"
 # Values of the cell "known", beside the names of priors: the pose is expected, correctly or wrongly
 EXPECTED, ELSEWHERE = "expected", "expected elsewhere"
 _TURNS: tuple[Turn, ...] = ("view", "yaw", "any")
@@ -44,8 +44,6 @@ _SENSORS = (None, "sonar3d15", "paper")  # of surveys, used in turn; None: the s
 _NOISES = (1.0, 1.5, 2.0)  # of surveys, used in turn, relative to the usual noise
 _FAR = (2, 4, 8)  # index differences of the non-consecutive pairs of a survey
 _RESTING = 4  # number of pairs of a sensor that hardly moves between its scans
-# Distortions of one of two scans, used in turn: -1 mirrors y, other factors scale as a wrong speed of sound does
-_FACTORS = (-1.0, 0.95, 1.05)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +55,10 @@ class EvidencePair(SetPair):
 
 
 def draw(name: str, number: int, seed: int, edge: int) -> Iterator[EvidencePair]:
-    """The pairs of draw `number` of a set: a kind of scan or one of STILL, UNRELATED, SURVEY and DISTORTED. None if a
-    scene has no such pair; the arguments determine the pairs."""
-    rng = np.random.default_rng([seed, number, sorted((*SCAN_KINDS, STILL, UNRELATED, SURVEY, DISTORTED)).index(name)])
-    draws = {STILL: _still, UNRELATED: _of_unrelated, SURVEY: _survey, DISTORTED: _distorted}.get(name)
+    """The pairs of draw `number` of a set: a kind of scan or one of STILL, UNRELATED and SURVEY. None if a scene has no
+    such pair; the arguments determine the pairs."""
+    rng = np.random.default_rng([seed, number, 1 + sorted((*SCAN_KINDS, STILL, UNRELATED, SURVEY)).index(name)])
+    draws = {STILL: _still, UNRELATED: _of_unrelated, SURVEY: _survey}.get(name)
     try:
         pairs = list(_kind(name, number, seed, edge, rng) if draws is None else draws(number, seed, edge, rng))
     except InputError:
@@ -150,21 +148,6 @@ def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iter
         )
         again = observe(simulated.settings, poses[i] * drift, _SCANS + n, "again")
         yield EvidencePair(_cells(scene, NOTHING) | {"apart": 0}, simulated.scans[i], again, drift, grid)
-
-
-def _distorted(number: int, seed: int, edge: int, _rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """Two consecutive scans of a survey, the second one mirrored or scaled, so that no pose is right."""
-    scene = tuple(SCENE_KINDS)[number % len(SCENE_KINDS)]
-    simulated = simulate(replace(plan(scene, "lawnmower", None, seed + 500_000 + number), count=3))
-    factor = _FACTORS[number // len(SCENE_KINDS) % len(_FACTORS)]
-    target, source = simulated.scans[0], simulated.scans[1]
-    factors = np.array([1.0, factor, 1.0] if factor < 0 else [factor] * 3, np.float32)
-    poses = simulated.truth.T_world_sensor
-    truth = None if factor < 0 else poses[0].inv() * poses[1]
-    cells = _cells(scene, NOTHING) | {"factor": factor}
-    yield EvidencePair(
-        cells, target, replace(source, points=source.points * factors), truth, choose_grid((target, source), edge)
-    )
 
 
 def _cells(scene: str, known: str) -> dict[str, Value]:

@@ -22,14 +22,14 @@ SEED = 5
 def rows() -> list[Row]:
     """The rows of a few draws on few voxels."""
     experiment = create("confidence", Request(choose_device(), quick=True, seed=SEED))
-    jobs = ["patch-0000", "sound_speed-0002", "unrelated-0000", "distorted-0001"]
+    jobs = ["patch-0000", "sound_speed-0002", "unrelated-0000"]
     return [row for job in jobs for row in experiment.run(job).rows]
 
 
 @pytest.mark.slow
 def test_recorded_pairs_have_the_clues_of_their_registration(rows: list[Row]) -> None:
     pairs = recorded_pairs(rows)
-    assert {pair.cells["set"] for pair in pairs} == {"patch", "sound_speed", "unrelated", "distorted"}
+    assert {pair.cells["set"] for pair in pairs} == {"patch", "sound_speed", "unrelated"}
     pair = next(pair for pair in draw("patch", 0, SEED, 64))
     registrar = SpectralRegistrar(choose_device(), pair.grid)
     registration = registrar.register(registrar.prepare(pair.target), registrar.prepare(pair.source))
