@@ -20,12 +20,6 @@ _TENTHS = (-1e-9, *(k / 10 for k in range(1, 11)))
 _WRONG = "0.88"  # the gray behind wrong registrations
 _PANELS = (("rotation", ("yaw", "roll", "pitch"), "deg"), ("translation", ("x", "y", "z"), "m"))
 _LEAST_SPAN = 10.0  # smallest range of vertical axes [degrees, m], so that small errors look small
-_OUTCOMES = (
-    ("right, accepted", "#2a7f3f", "right and accepted"),
-    ("right, not accepted", "#a9d6b0", "right and not accepted"),
-    ("wrong, not accepted", "#dddddd", "not right and not accepted"),
-    ("wrong, accepted", "#c0392b", "not right and accepted"),
-)
 _PLAN_HEIGHT = -4.0  # height of the section through the flood gate, relative to the water surface [m]
 
 
@@ -112,19 +106,6 @@ def draw_limits(path: Path, frame: Frame, _settings: Settings) -> None:
     save(plot, path, axes[0, 0])
 
 
-def draw_gaussian(path: Path, frame: Frame, settings: Settings) -> None:
-    """Draw the share right by scan, with axes per noise, and a color and marker per grid."""
-    plot, axes = panels(1, len(settings.sigma2), 5.6, 3.8, sharey=True)
-    for axis, sigma2 in zip(axes[0], settings.sigma2, strict=True):
-        lines = list(frame[frame["sigma2"] == sigma2].groupby("grid", sort=False))
-        for k, (grid, some) in enumerate(lines):
-            places = [(scan + 0.1 * (k - (len(lines) - 1) / 2), rows) for scan, rows in some.groupby("scan")]
-            draw_rates(axis, places, fmt=("o-", "s--", "^:")[k % 3], color=f"C{k}", label=f"{grid}³")
-        axis.set(title=f"σ² = {sigma2:g} m²", xlabel="scan of Table 1", xticks=range(10))
-    axes[0, 0].set_ylabel("share of seeds that are right")
-    save(plot, path, axes[0, 0])
-
-
 def draw_floodgate(path: Path, frame: Frame, settings: Settings) -> None:
     """Draw the maps of the first survey from above, by the paper's methods and ours, each on its finest grid."""
     simulated = survey(settings.first_seed, settings.scans)
@@ -207,31 +188,11 @@ def draw_kinds(path: Path, frame: Frame, settings: Settings) -> None:
     save(plot, path)
 
 
-def draw_real(path: Path, frame: Frame, settings: Settings) -> None:
-    """Draw shares of right and wrong, accepted and refused registrations, with axes per set and a bar per method."""
-    bars = list(dict.fromkeys(zip(frame["method"], frame["known"], strict=True)))
-    plot, axes = panels(1, len(settings.sets), 2.8, 0.32 * len(bars) + 1.8, sharey=True)
-    for axis, name in zip(axes[0], settings.sets, strict=True):
-        for k, (method, known) in enumerate(bars):
-            some = frame[(frame["set"] == name) & (frame["method"] == method) & (frame["known"] == known)]
-            left = 0.0
-            for label, color, condition in _OUTCOMES:
-                share = len(where(some, condition)) / max(len(some), 1)
-                axis.barh(k, share, left=left, color=color, label=None if k else label, height=0.75)
-                left += share
-        axis.set(title=name, xlabel="share of registrations", xlim=(0, 1))
-    names = [method if known == "nothing" else f"{method}, {known} known" for method, known in bars]
-    axes[0, 0].set_yticks(range(len(bars)), names, fontsize=8)
-    axes[0, 0].invert_yaxis()
-    save(plot, path, axes[0, 0])
-
-
 FIGURES: Mapping[str, Figure] = MappingProxyType(
     {
         "translation": Figure("Lines are true values, crosses are estimates; gray marks wrong ones.", draw_translation),
         "rotation": Figure("Lines are true values, crosses are estimates; gray marks wrong ones.", draw_rotation),
         "limits": Figure("Errors of the estimates against the tilt, as Fig. 9.", draw_limits),
-        "gaussian": Figure("The share of seeds that are right at each scan, with 95 % intervals.", draw_gaussian),
         "floodgate": Figure(
             "The maps from above, as Figs. 25 and 30. Thin lines show what is solid 4 m below the surface; the "
             "true path is black, the estimated path magenta.",
@@ -245,6 +206,5 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             draw_kinds,
             f"method == '{OURS}'",
         ),
-        "real": Figure("Right and wrong registrations by set, accepted (dark) or not (light).", draw_real),
     }
 )
