@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import AliasPath, BaseModel, Field, ValidationError
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
@@ -109,33 +109,17 @@ class _Scan(_Finite):
     covariance: Matrix | None = None
 
 
-class _Pairs(_Finite):
-    tried: int
-
-
-class _Map(_Finite):
-    voxel_m: float
-
-
 class _Component(_Finite):
     scans: list[int]
     unmeasured: list[str] = []
-    map: _Map
-
-
-class _Grid(_Finite):
-    voxel: float
-
-
-class _Settings(_Finite):
-    grid: _Grid
+    voxel: float = Field(validation_alias=AliasPath("map", "voxel_m"))
 
 
 class _Summary(_Finite):
-    settings: _Settings
     scans: list[_Scan]
-    pairs: _Pairs
     components: list[_Component]
+    voxel: float = Field(validation_alias=AliasPath("settings", "grid", "voxel"))
+    tried: int = Field(validation_alias=AliasPath("pairs", "tried"))
 
 
 def read_summary(path: Path) -> SurveySummary:
@@ -163,8 +147,8 @@ def read_summary(path: Path) -> SurveySummary:
         unmeasured=tuple(tuple(component.unmeasured) for component in summary.components),
         covariances=covariances,
         pairs=_tried_pairs(path, summary),
-        voxel=summary.settings.grid.voxel,
-        map_voxel=summary.components[0].map.voxel_m,
+        voxel=summary.voxel,
+        map_voxel=summary.components[0].voxel,
     )
 
 
@@ -174,9 +158,9 @@ def _tried_pairs(path: Path, summary: _Summary) -> tuple[TriedPair, ...]:
     if not table.exists():
         raise InputError(f"{path} needs the {PAIRS} of its map beside it; copy it there")
     pairs = read_pairs(table, len(summary.scans))
-    if len(pairs) != summary.pairs.tried:
+    if len(pairs) != summary.tried:
         raise InputError(
-            f"{path} counts {summary.pairs.tried} pairs, and {table} has {len(pairs)}; give both files of one map"
+            f"{path} counts {summary.tried} pairs, and {table} has {len(pairs)}; give both files of one map"
         )
     return pairs
 
