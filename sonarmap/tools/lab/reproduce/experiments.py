@@ -283,15 +283,11 @@ def begin(processes: WorkerProcesses) -> None:
 def run_in_worker(groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
     """Run groups of jobs of the experiment that `begin` created in this process."""
     assert _experiment is not None, "`begin` was not called in this process"
-    return run_jobs(_experiment, groups)
+    return [[run_job(_experiment, job) for job in group] for group in groups]
 
 
-def run_jobs(experiment: Experiment, groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
-    """Run groups of jobs one after the other; the results are grouped in the same way."""
-    return [[_run(experiment, job) for job in group] for group in groups]
-
-
-def _run(experiment: Experiment, job: str) -> JobResult:
+def run_job(experiment: Experiment, job: str) -> JobResult:
+    """Run a job in this process."""
     start = perf_counter()
     outcome = experiment.run(job)
     return JobResult(job, outcome, perf_counter() - start)

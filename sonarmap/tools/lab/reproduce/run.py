@@ -5,13 +5,12 @@ import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute.executor import processes, this_process
+from sonarmap.slam.execute.executor import processes
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.tables import to_json
@@ -24,7 +23,7 @@ from sonarmap.tools.lab.reproduce.experiments import (
     WorkerProcesses,
     begin,
     run_in_worker,
-    run_jobs,
+    run_job,
 )
 from sonarmap.tools.lab.terminal import Follow
 from sonarmap.tools.methods.fingerprint import fingerprint, method_sources, method_versions, source_digest
@@ -159,8 +158,7 @@ def _running(
 ) -> Generator[Generator[Sequence[JobResult]]]:
     """Iterate over groups of results as they are completed; with workers, in any order."""
     if options.workers is None:
-        with closing(this_process().run(partial(run_jobs, experiment), [(job,) for job in jobs], together=1)) as pieces:
-            yield (group for _, results in pieces for group in results)
+        yield ([run_job(experiment, job)] for job in jobs)
         return
     batches: dict[str, list[str]] = {}
     for job in jobs:  # jobs that differ only in their last part share work
