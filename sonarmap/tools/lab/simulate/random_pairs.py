@@ -1,9 +1,7 @@
 """Random pairs of scans with a given overlap or with nothing in common, and reproducible sets of such pairs."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -15,7 +13,7 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, scene_kind
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
-from sonarmap.tools.lab.simulate.viewpoints import TRIES, Observer, View, aside, attitude, first_view
+from sonarmap.tools.lab.simulate.viewpoints import Observer, View, aside, attitude, draw_views, first_view
 
 Turn = Literal["view", "yaw", "any"]
 POSE_TILT = math.radians(10.0)  # largest roll and pitch of a vessel [rad]
@@ -77,7 +75,6 @@ def draw_turn(turning: Turning, rng: np.random.Generator) -> FrameTurn:
 
 
 NOISELESS = Noise()
-PLACES = 8  # targets that are tried before a pair is given up
 # Scenes of unrelated pairs; their order determines the pair of a seed. Open beds are left out, as two of them look the
 # same for any seeds
 STRANGERS = ("floodgate", "harbor", "clutter", "ship", "pool", "manifold", "bridge", "wreck")
@@ -107,7 +104,14 @@ def random_pair(
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
     rng = np.random.default_rng(pose_seed)
     frame = draw_turn(turning, np.random.default_rng(turn_seed))
-    target, source = _views(observer, overlaps, frame, turning.max_tilt, rng)
+
+    def draw_source(target: View) -> RigidTransform:
+        if turning.kind == "view":
+            return _nearby(observer, target, turning.max_tilt, rng)
+        return _aside(observer, target, overlaps, frame, rng)
+
+    tilt = turning.max_tilt if turning.kind == "view" else POSE_TILT
+    target, source, _ = draw_views((observer, observer), overlaps, tilt, draw_source, rng)
     T_target_sensor = target.T_world_sensor.inv() * source.T_world_sensor
     scans = (
         _scan(observer, target, noise, target_seed, 0.0, "target"),
@@ -148,27 +152,6 @@ def unrelated_scenes(scene: str) -> tuple[str, ...]:
 def _observer(scene: str, seed: int, sensor: Sensor | None = None) -> Observer:
     world = build_scene(scene, seed)
     return Observer(world, bare(SENSORS[world.kind.sensor]) if sensor is None else sensor)
-
-
-def _views(
-    observer: Observer, overlaps: tuple[float, float], frame: FrameTurn, max_tilt: float, rng: np.random.Generator
-) -> tuple[View, View]:
-    """The view of the first target for which a source with the wanted overlap is found, and the source's view."""
-    tilt = max_tilt if frame.turn == "view" else POSE_TILT
-    for _ in range(PLACES):
-        target = first_view(observer, tilt, rng)
-        poses: Callable[[], RigidTransform]
-        if frame.turn == "view":
-            poses = partial(_nearby, observer, target, max_tilt, rng)
-        else:
-            poses = partial(_aside, observer, target, overlaps, frame, rng)
-        match = observer.find_partner(target, overlaps, poses)
-        if match is not None:
-            return target, match[0]
-    raise InputError(
-        f"no pose in {observer.world.name} has an overlap within {overlaps[0]:g} to {overlaps[1]:g} with one of "
-        f"{PLACES} targets, {TRIES} tried for each; widen the range or take another seed"
-    )
 
 
 def _nearby(observer: Observer, target: View, max_tilt: float, rng: np.random.Generator) -> RigidTransform:

@@ -16,6 +16,7 @@ from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_o
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast
 
 TRIES = 400  # poses that are tried before a search is given up
+PLACES = 8  # targets that are tried before a pair is given up
 ABOVE = 200.0  # height at which the search for the ground starts in a scene of 256 m [m]
 ASIDE = np.pi / 4  # largest angle between an inward view and the direction to the scene's middle [rad]
 
@@ -166,6 +167,27 @@ def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) ->
         if view is not None:
             return view
     raise InputError(f"{world.name} has no clear place for the sensor {sensor.name}; take another scene or seed")
+
+
+def draw_views(
+    observers: tuple[Observer, Observer],
+    overlaps: tuple[float, float],
+    max_tilt: float,
+    draw_source: Callable[[View], RigidTransform],
+    rng: np.random.Generator,
+) -> tuple[View, View, float]:
+    """Draw the view of a target, tilted by up to `max_tilt` [rad], and that of a source with an overlap within
+    `overlaps`, of the poses that `draw_source` draws for a target; and the overlap. Raises InputError: none for any of
+    PLACES targets."""
+    for _ in range(PLACES):
+        target = first_view(observers[0], max_tilt, rng)
+        match = observers[1].find_partner(target, overlaps, partial(draw_source, target))
+        if match is not None:
+            return target, *match
+    raise InputError(
+        f"no two views of {observers[0].world.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: "
+        f"{PLACES} targets, {TRIES} sources tried for each; widen the range, or take another number or seed"
+    )
 
 
 def aside(

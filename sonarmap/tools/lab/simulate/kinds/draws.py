@@ -8,15 +8,14 @@ from zlib import crc32
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair, relief_of
-from sonarmap.tools.lab.simulate.random_pairs import DROPOUTS, GHOSTS, OUTLIERS, PLACES, POSE_TILT, SPECKLE
+from sonarmap.tools.lab.simulate.random_pairs import DROPOUTS, GHOSTS, OUTLIERS, POSE_TILT, SPECKLE
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, bare
-from sonarmap.tools.lab.simulate.viewpoints import FAR, TRIES, Observer, View, aside, attitude, first_view
+from sonarmap.tools.lab.simulate.viewpoints import FAR, Observer, View, aside, attitude, draw_views
 
 SIGMA2 = (0.25, 1.0, 4.0)  # variances of the range at the sensor's maximum range in a scene of 256 m [m^2], in turns
 OPEN_BED = 1 / 16  # factor of these variances over an open bed, whose relief they would hide
@@ -91,7 +90,8 @@ class ViewKind:
         draws, noise = pair_draws(self.name, number, seed), noise_of(number, self.scenes)
         still = observer_of(scene, draws.scene)
         observers = self.equip(still, draws.poses), self.equip(still, draws.poses)
-        target, source, shared = draw_views(observers, overlaps, draws.poses)
+        draw_source = partial(_draw_source, observers[1], overlaps=overlaps, rng=draws.poses)
+        target, source, shared = draw_views(observers, overlaps, POSE_TILT, draw_source, draws.poses)
         scans = [
             self.measured(Shot(observer, view, noise, draws.distortion, rng, name, number))
             for observer, view, rng, name in (
@@ -105,24 +105,6 @@ class ViewKind:
 
 ACROSS = 0.5  # share of sources that look at the middle of the target's view; the others are beside the target
 REACH = (0.6, 1.3)  # distance of such a source from that middle, in shares of the target's
-
-
-def draw_views(
-    observers: tuple[Observer, Observer], overlaps: tuple[float, float], rng: np.random.Generator
-) -> tuple[View, View, float]:
-    """Draw the views of a target and a source of one scene, and their overlap, within `overlaps`; any headings, roll
-    and pitch up to 10 degrees each. Raises InputError: none for any of 8 targets."""
-    target_observer, source_observer = observers
-    for _ in range(PLACES):
-        target = first_view(target_observer, POSE_TILT, rng)
-        poses: Callable[[], RigidTransform] = partial(_draw_source, source_observer, target, overlaps, rng)
-        match = source_observer.find_partner(target, overlaps, poses)
-        if match is not None:
-            return target, *match
-    raise InputError(
-        f"no two views of {target_observer.world.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: "
-        f"{PLACES} targets, {TRIES} sources tried for each; widen the range or take another number"
-    )
 
 
 def _draw_source(

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.map.cell import cell_keys
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
 from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL
@@ -79,21 +80,14 @@ def _merged(pose: RigidTransform, parts: list[tuple[RigidTransform, np.ndarray]]
 
 def thinned(points: np.ndarray, cell: float) -> np.ndarray:
     """Ascending indices of the first of `points` (N, 3) in each occupied cell of a grid."""
-    return np.sort(np.unique(_cells(points, cell), return_index=True)[1])
+    return np.sort(np.unique(cell_keys(points, cell, np.zeros(3))[0], return_index=True)[1])
 
 
 def lonely(points: np.ndarray, cell: float) -> np.ndarray:
     """Which of `points` (N, 3) are alone in their cell of a grid, (N,) bool."""
-    _, inverse, counts = np.unique(_cells(points, cell), return_inverse=True, return_counts=True)
+    keys, _ = cell_keys(points, cell, np.zeros(3))
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return counts[inverse] == 1
-
-
-def _cells(points: np.ndarray, cell: float) -> np.ndarray:
-    """Keys (N,) of the cells of points."""
-    index = np.floor(points / cell).astype(np.int64)
-    index -= index.min(axis=0)
-    shape = index.max(axis=0) + 1
-    return (index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2]
 
 
 LOOKS = (4, 11)  # number of looks of a patch, the upper end excluded
