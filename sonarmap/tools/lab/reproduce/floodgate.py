@@ -17,7 +17,7 @@ from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Reques
 from sonarmap.tools.lab.reproduce.registrations import EXTENT, PARAMETERS, finish_device, paper_grid, parameter_cells
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh
-from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap, shared_view
+from sonarmap.tools.lab.simulate.sensing.overlap import shared_view
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
 from sonarmap.tools.lab.simulate.trajectories import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
@@ -107,9 +107,8 @@ class FloodgateSurvey:
     scans: tuple[Scan, ...]  # in their sensor frames
     T_world_sensor: RigidTransform  # N true poses; the world is the scene's frame, East-North-Up
     mesh: Mesh  # the scene's true surface [m, world]
-    # N - 1 shares of points with a counterpart in the other of two consecutive scans, the smaller of both
-    overlap: tuple[float, ...]
-    shared: tuple[float, ...]  # the same of points in the view of the other scan, without noise
+    # N - 1 shares of points in the view of the other of two consecutive scans, without noise, the smaller of both
+    shared: tuple[float, ...]
 
     def step(self, source: int) -> RigidTransform:
         """The true T_target_source of the scan `source` relative to the previous one."""
@@ -126,9 +125,6 @@ def survey(seed: int, count: int = PAPER_COUNT) -> FloodgateSurvey:
         scans=scans,
         T_world_sensor=T,
         mesh=scene.mesh,
-        overlap=tuple(
-            mutual_overlap(scans[k - 1].points, scans[k].points, T[k - 1].inv() * T[k]) for k in range(1, count)
-        ),
         shared=tuple(shared_view(scene, sensor, T[k - 1], T[k]) for k in range(1, count)),
     )
 
@@ -151,7 +147,6 @@ def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, ac
         "translation_m": error.translation_m,
         "right": error.within(RIGHT_DEG, RIGHT_M),
         "accepted": accepted,
-        "overlap": survey.overlap[source - 1],
         "shared": survey.shared[source - 1],
         **parameter_cells(estimated, "found"),
         **parameter_cells(truth, "true"),

@@ -35,11 +35,8 @@ class MappedSurvey:
     seconds: float = float("nan")  # wall time from the first scan to the last result [s]
     memory: int = 0  # peak resident memory of the process [bytes]
     components: int = 1  # number of components of two or more scans
-    chained: Trajectory | None = None  # the same poses before loop closure; None if the system does not return them
     # (n, 6, 6) of the poses relative to the first, rotation first [rad, m], body tangent; None if not returned
     covariances: np.ndarray | None = None
-    # distances between crossing tracks, the median of their medians [m], before and after loop closure
-    crossings: tuple[float, float] = (float("nan"), float("nan"))
 
 
 def map_survey(
@@ -91,18 +88,15 @@ def mapped_of(result: "SurveyResult") -> MappedSurvey:
 
     largest = placed(result.components)[0]
     members, part = list(result.components[largest]), result.parts[largest]
-    before, after = part.crossings.before, part.crossings.after
-    mapped = MappedSurvey(
+    return MappedSurvey(
         placed=tuple(members),
         trajectory=result.trajectory.take(members),
         pairs=tuple(_tried(pair) for pair in result.pairs),
         points=part.optimized.points,
         seen=part.optimized.seen,
         components=sum(len(component) > 1 for component in result.components),
-        chained=result.chained.take(members),
         covariances=result.covariances[members],
     )
-    return replace(mapped, crossings=(before.median, after.median)) if before and after else mapped
 
 
 def _tried(pair: "Pair") -> TriedPair:

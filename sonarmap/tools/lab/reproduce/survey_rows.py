@@ -57,22 +57,20 @@ def survey_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) ->
 
     Trajectories are aligned over the usable scans; a map also contains unusable scans that the system places.
     """
-    _, after = _evaluated(survey, mapped)
-    return estimate_cells(survey, mapped, voxel) | _map(survey, mapped, after, voxel)
+    return estimate_cells(survey, mapped, voxel) | _map(survey, mapped, voxel)
 
 
 def estimate_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
     """Cells of the errors of poses and pairs, the first ones of `survey_cells`."""
-    before, after = _evaluated(survey, mapped)
-    cells = _placed(survey, mapped, len(after.stamps)) | {"voxel_m": voxel} | _errors(before, after, voxel)
+    evaluated = _evaluated(survey, mapped)
+    cells = _placed(survey, mapped, len(evaluated.stamps)) | {"voxel_m": voxel} | _errors(evaluated, voxel)
     return cells | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
 
 
-def _evaluated(survey: SimulatedSurvey, mapped: MappedSurvey) -> tuple[Evaluation | None, Evaluation]:
-    """The evaluations of the trajectories before loop closure (None if unknown) and after."""
+def _evaluated(survey: SimulatedSurvey, mapped: MappedSurvey) -> Evaluation:
+    """The evaluation of the trajectory of the usable scans."""
     usable = [k for k, scan in enumerate(mapped.placed) if scan not in survey.unusable]
-    after = evaluate(mapped.trajectory.take(usable), survey.truth)
-    return None if mapped.chained is None else evaluate(mapped.chained.take(usable), survey.truth), after
+    return evaluate(mapped.trajectory.take(usable), survey.truth)
 
 
 def _placed(survey: SimulatedSurvey, mapped: MappedSurvey, usable: int) -> dict[str, Value]:
@@ -85,12 +83,12 @@ def _placed(survey: SimulatedSurvey, mapped: MappedSurvey, usable: int) -> dict[
     }
 
 
-def _errors(before: Evaluation | None, after: Evaluation, voxel: float) -> dict[str, Value]:
-    ates = {"before": before.ate_m if before else _NAN, "after": after.ate_m}
+def _errors(evaluated: Evaluation, voxel: float) -> dict[str, Value]:
+    """Cells of the errors of poses after loop closure."""
     return {
-        **{f"ate_{when}_m": ate for when, ate in ates.items()},
-        **{f"ate_{when}_voxels": ate / voxel for when, ate in ates.items()},
-        "ate_after_deg": float(np.sqrt(np.mean(after.rotation_deg**2))),
+        "ate_after_m": evaluated.ate_m,
+        "ate_after_voxels": evaluated.ate_m / voxel,
+        "ate_after_deg": float(np.sqrt(np.mean(evaluated.rotation_deg**2))),
     }
 
 
@@ -118,13 +116,13 @@ def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[
     return cells | {"pairs": len(mapped.pairs), "unusable_kept": kept}
 
 
-def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel: float) -> dict[str, Value]:
+def _map(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
     """Cells of the map's errors, for all points and for those that several scans saw, which excludes stray echoes."""
     surface = Reference("the true surface", "surface", lambda points: surface_distance(survey.mesh, points))
+    T_truth_estimate = _evaluated(survey, mapped).T_truth_estimate
     cells: dict[str, Value] = {}
     for name, points in (("map", mapped.points), ("map_twice", mapped.points[mapped.seen >= 2])):
-        error = map_error(after.T_truth_estimate.apply(points), surface, voxel) if len(points) else None
+        error = map_error(T_truth_estimate.apply(points), surface, voxel) if len(points) else None
         cells |= {f"{name}_points": len(points)}
         cells |= {f"{name}_{key}": getattr(error, key, _NAN) for key in ("median_m", "p90_m", "within_voxel")}
-    before, after_loops = mapped.crossings
-    return cells | {"crossing_before_m": before, "crossing_after_m": after_loops}
+    return cells

@@ -305,7 +305,6 @@ SURVEY = (
             ),
             "unusable placed": number("placed_unusable", 0),
             "maps of two scans or more": number("components", 0),
-            "ATE before loops [voxels]": number("ate_before_voxels", 2),
             "ATE [voxels]": number("ate_after_voxels", 2),
             "ATE [m]": number("ate_after_m", 3),
             "rotation [°]": number("ate_after_deg", 2),
@@ -325,8 +324,6 @@ SURVEY = (
             "points seen twice: median [m]": number("map_twice_median_m", 2),
             "90 % [m]": number("map_twice_p90_m", 2),
             "within a voxel, seen twice": number("map_twice_within_voxel", 2),
-            "crossings before loops [m]": number("crossing_before_m", 2),
-            "crossings [m]": number("crossing_after_m", 2),
         },
     ),
     Table(

@@ -121,7 +121,7 @@ def survey() -> FloodgateSurvey:
     scans = [
         Scan(POSES[k].inv().apply(places[k]).astype(np.float32), stamp=float(k), name=f"s{k}") for k in range(SCANS)
     ]
-    return FloodgateSurvey(tuple(scans), POSES, mesh, overlap=(0.6, 0.7, 0.8, 0.9), shared=(0.9, 0.8, 0.7, 0.6))
+    return FloodgateSurvey(tuple(scans), POSES, mesh, shared=(0.9, 0.8, 0.7, 0.6))
 
 
 def off(meters: float) -> list[RigidTransform]:
