@@ -49,29 +49,12 @@ class FrameTurn:
         return Rotation.from_euler("ZYX", (yaw, self.pitch, self.roll))
 
 
-@dataclass(frozen=True, slots=True)
-class Turning:
-    """Bounds of the random rotation between the frames of a pair."""
-
-    # "view": the source's frame is its sensor's, whose view is turned by up to 60 degrees. "yaw": the frame is also
-    # turned about its z axis by any angle, as if the sonar were mounted differently. As much of the tilt as the overlap
-    # allows is the sensor's, the rest the mounting's. The smaller the overlap, the farther the source is moved and
-    # turned away. "any": R_target_source is uniform on SO(3); positions and views are those of "yaw".
-    kind: Turn = "view"
-    # largest roll and pitch of either pose [rad]; with "yaw" those of R_target_source = Rz(yaw) Ry(pitch) Rx(roll),
-    # which are uniform up to it
-    max_tilt: float = POSE_TILT
-
-
-LITTLE_TURNED = Turning()
-
-
-def draw_turn(turning: Turning, rng: np.random.Generator) -> FrameTurn:
-    """Draw a frame's rotation, its roll and pitch uniform up to the largest tilt."""
+def draw_turn(turn: Turn, max_tilt: float, rng: np.random.Generator) -> FrameTurn:
+    """Draw a frame's rotation, its roll and pitch uniform up to `max_tilt` [rad]."""
     about_z = rng.uniform(-np.pi, np.pi)
-    pitch, roll = rng.uniform(-turning.max_tilt, turning.max_tilt, 2)
+    pitch, roll = rng.uniform(-max_tilt, max_tilt, 2)
     # four normal numbers have a uniform direction, and so a uniform unit quaternion
-    return FrameTurn(turning.kind, about_z, pitch, roll, Rotation.from_quat(rng.standard_normal(4)))
+    return FrameTurn(turn, about_z, pitch, roll, Rotation.from_quat(rng.standard_normal(4)))
 
 
 NOISELESS = Noise()
@@ -91,33 +74,41 @@ def random_pair(
     noise: Noise = NOISELESS,
     scene: str = "clutter",
     sensor: Sensor | None = None,
-    turning: Turning = LITTLE_TURNED,
+    turn: Turn = "view",
+    max_tilt: float = POSE_TILT,
 ) -> tuple[Scan, Scan, RigidTransform]:
     """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`: target Scan, source
     Scan and T_target_source between their frames, whose origins are the viewpoints.
 
     The overlap is the share of the points within 2 m of the other scan, the smaller of both directions; in a smaller
     scene the radius is smaller by the same factor. The seed decides the scene, the poses and the noise. `sensor`
-    defaults to the bare fan of the one that suits the scene. Raises InputError: no such pair for any of 8 targets.
+    defaults to the bare fan of the one that suits the scene.
+
+    With the turn "view", the source's frame is its sensor's, whose view is turned by up to 60 degrees; either pose has
+    a roll and pitch up to `max_tilt` [rad]. With "yaw", the frame is also turned about its z axis by any angle, as if
+    the sonar were mounted differently, and R_target_source = Rz(yaw) Ry(pitch) Rx(roll) has a uniform pitch and roll up
+    to `max_tilt`. As much of the tilt as the overlap allows is the sensor's, the rest the mounting's; the smaller the
+    overlap, the farther the source is moved and turned away. With "any", R_target_source is uniform on SO(3), and
+    positions and views are those of "yaw". Raises InputError: no such pair for any of 8 targets.
     """
     observer = _observer(scene, seed, sensor)
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
     rng = np.random.default_rng(pose_seed)
-    frame = draw_turn(turning, np.random.default_rng(turn_seed))
+    frame = draw_turn(turn, max_tilt, np.random.default_rng(turn_seed))
 
     def draw_source(target: View) -> RigidTransform:
-        if turning.kind == "view":
-            return _nearby(observer, target, turning.max_tilt, rng)
+        if turn == "view":
+            return _nearby(observer, target, max_tilt, rng)
         return _aside(observer, target, overlaps, frame, rng)
 
-    tilt = turning.max_tilt if turning.kind == "view" else POSE_TILT
+    tilt = max_tilt if turn == "view" else POSE_TILT
     target, source, _ = draw_views((observer, observer), overlaps, tilt, draw_source, rng)
     T_target_sensor = target.T_world_sensor.inv() * source.T_world_sensor
     scans = (
         _scan(observer, target, noise, target_seed, 0.0, "target"),
         _scan(observer, source, noise, source_seed, 1.0, "source"),
     )
-    if turning.kind == "view":
+    if turn == "view":
         return *scans, T_target_sensor
     R_sensor_frame = T_target_sensor.rotation.inv() * frame.R_target_frame(T_target_sensor.rotation)
     return scans[0], _reframed(scans[1], R_sensor_frame), T_target_sensor * RigidTransform.from_rotation(R_sensor_frame)
@@ -133,7 +124,7 @@ def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str) -> tupl
     *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
     rng = np.random.default_rng(draw_seed)
     observers = _observer(scene, seed), _observer(str(rng.choice(unrelated_scenes(scene))), seed + 1)
-    frame = draw_turn(Turning("yaw", max_tilt), rng)
+    frame = draw_turn("yaw", max_tilt, rng)
     target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
     R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
     R_sensor_frame = R_target_sensor.inv() * frame.R_target_frame(R_target_sensor)
@@ -204,13 +195,13 @@ class EvaluationPair:
     number: int  # of the pair in the set
     scene: str  # a key of SCENE_KINDS
     overlaps: tuple[float, float]  # least and greatest overlap, as in random_pair
-    turn: Turn  # of the source's frame, see `Turning`
+    turn: Turn  # of the source's frame, as in random_pair
     noise: Noise  # its sigma2 is 0, 1 or 2 m^2 times the square of the scene's scale
     seed: int  # of the scene, the poses and the noise
 
     def scans(self) -> tuple[Scan, Scan, RigidTransform]:
         """Target Scan, source Scan and T_target_source between their frames."""
-        return random_pair(self.seed, self.overlaps, self.noise, self.scene, turning=Turning(self.turn, SET_TILT))
+        return random_pair(self.seed, self.overlaps, self.noise, self.scene, turn=self.turn, max_tilt=SET_TILT)
 
 
 @dataclass(frozen=True, slots=True)

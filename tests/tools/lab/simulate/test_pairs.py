@@ -18,7 +18,6 @@ from sonarmap.tools.lab.simulate.random_pairs import (
     SET_SIGMA2,
     SET_TILT,
     Turn,
-    Turning,
     draw_turn,
     evaluation_pair,
     evaluation_unrelated,
@@ -48,7 +47,7 @@ def _distances(target: Scan, source: Scan, T_target_source: RigidTransform) -> n
 @pytest.mark.parametrize(("scene", "overlaps"), list(zip(SET_SCENES, SET_OVERLAPS * 2, strict=False)))
 @pytest.mark.parametrize("turn", ["view", "yaw", "any"])
 def test_a_turned_pair_fits_its_truth_and_the_wanted_overlap(scene: str, overlaps: tuple[float, float], turn: Turn):
-    target, source, truth = random_pair(11, overlaps, QUIET, scene, _small(scene), Turning(turn, STEEP))
+    target, source, truth = random_pair(11, overlaps, QUIET, scene, _small(scene), turn, STEEP)
     radius = 2.0 * SCENE_KINDS[scene].scale
     assert overlaps[0] <= mutual_overlap(target.points, source.points, truth, radius) <= overlaps[1]
     common = (near := _distances(target, source, truth)) < radius
@@ -61,7 +60,7 @@ def test_a_turned_pair_fits_its_truth_and_the_wanted_overlap(scene: str, overlap
 def test_a_frame_turned_by_yaw_keeps_the_drawn_tilt_and_turns_about_z():
     """Angles are compared one by one, without the class's own composition."""
     for seed in range(20):
-        frame = draw_turn(Turning("yaw", STEEP), np.random.default_rng(seed))
+        frame = draw_turn("yaw", STEEP, np.random.default_rng(seed))
         for aside, share in ((0.4, 0.0), (-1.1, 0.5), (0.7, 1.0)):
             sensor = frame.R_target_sensor(aside, share)
             yaw, pitch, roll = frame.R_target_frame(sensor).as_euler("ZYX")
@@ -75,7 +74,7 @@ def test_a_frame_turned_by_yaw_keeps_the_drawn_tilt_and_turns_about_z():
 
 
 def test_turns_are_uniform_over_all_rotations():
-    drawn = [draw_turn(Turning("any", STEEP), np.random.default_rng(seed)) for seed in range(3000)]
+    drawn = [draw_turn("any", STEEP, np.random.default_rng(seed)) for seed in range(3000)]
     matrices = np.array([frame.R.as_matrix() for frame in drawn])
     assert_allclose(matrices.mean(axis=0), 0.0, atol=0.05)
     # each entry of a uniform rotation has the variance 1/3; the mean angle is pi / 2 + 2 / pi
@@ -89,9 +88,7 @@ def test_turns_are_uniform_over_all_rotations():
 def test_a_turned_frame_does_not_change_ranges_and_noise():
     """Beams measure the same; only the frame of the source's points differs."""
     noise = Noise(sigma2=0.3, outliers=0.03, dropouts=0.2, ghosts=0.02, speckle=1.0)
-    pairs = [
-        random_pair(4, (0.4, 0.6), noise, "clutter", _small("clutter"), Turning(turn, STEEP)) for turn in ("yaw", "any")
-    ]
+    pairs = [random_pair(4, (0.4, 0.6), noise, "clutter", _small("clutter"), turn, STEEP) for turn in ("yaw", "any")]
     (target, source, truth), (other_target, other_source, other) = pairs
     assert_array_equal(target.points, other_target.points)
     assert_array_equal(source.strength, other_source.strength)
@@ -103,9 +100,9 @@ def test_a_turned_frame_does_not_change_ranges_and_noise():
 
 
 def test_the_quick_check_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.MonkeyPatch):
-    quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning("yaw"))
+    quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), "yaw")
     monkeypatch.setattr(viewpoints, "DOUBT", 1.0)
-    slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning("yaw"))
+    slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), "yaw")
     assert_array_equal(quick[1].points, slow[1].points)
     assert_array_equal(quick[2].as_matrix(), slow[2].as_matrix())
 
