@@ -27,7 +27,7 @@ from sonarmap.tools.lab.reproduce.experiments import Row, Value
 from sonarmap.tools.lab.reproduce.kinds import LEVELED, NAVIGATION, NOTHING, PRIORS
 from sonarmap.tools.lab.reproduce.pairs import SetPair, related, unrelated
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
-from sonarmap.tools.lab.simulate.kinds.kind import relief_of
+from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF
 from sonarmap.tools.lab.simulate.plan import louder, plan
 from sonarmap.tools.lab.simulate.random_pairs import Turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
@@ -151,7 +151,7 @@ def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iter
 
 
 def _cells(scene: str, known: str) -> dict[str, Value]:
-    return {"scene": scene, "relief": relief_of(scene), "known": known, "apart": 0}
+    return {"scene": scene, "relief": RELIEF_OF[scene], "known": known, "apart": 0}
 
 
 _NOWHERE = (180.0, 1e3)  # errors of a pair without a true pose [degrees, voxels]

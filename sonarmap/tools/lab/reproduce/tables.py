@@ -24,7 +24,7 @@ from sonarmap.tools.lab.reproduce.registrations import OURS
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, ratio, share, where
 from sonarmap.tools.lab.reproduce.survey import USUAL
 from sonarmap.tools.lab.reproduce.survey_rows import BETWEEN, FATES, ROLES
-from sonarmap.tools.lab.simulate.kinds.kind import relief_of
+from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF
 
 # With correct covariances, 95 % of the normalized squared errors are below this quantile, and their mean is 6
 INSIDE = f"nees <= {chi2.ppf(0.95, 6):.9f}"
@@ -390,7 +390,7 @@ DECISIONS = (
         "What each rule is worth",
         ("rule", "relief"),
         _DECISIONS,
-        rows=lambda frame: frame.assign(relief=frame["scene"].map(relief_of)),
+        rows=lambda frame: frame.assign(relief=frame["scene"].map(RELIEF_OF)),
     ),
     Table("By scene", ("scene",), _DECISIONS, rows=f"rule == '{USUAL}'"),
 )

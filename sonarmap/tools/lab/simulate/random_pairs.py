@@ -192,7 +192,6 @@ GHOSTS, SPECKLE = 0.02, 1.0  # as in a simulated survey
 class EvaluationPair:
     """A pair of a set, not yet simulated."""
 
-    number: int  # of the pair in the set
     scene: str  # a key of SCENE_KINDS
     overlaps: tuple[float, float]  # least and greatest overlap, as in random_pair
     turn: Turn  # of the source's frame, as in random_pair
@@ -208,7 +207,6 @@ class EvaluationPair:
 class UnrelatedPair:
     """A pair of a set of scans with nothing in common, not yet simulated."""
 
-    number: int  # of the pair in the set
     scene: str  # the target's; the source's is one of its `unrelated_scenes`, chosen by the seed
     noise: Noise  # as EvaluationPair's
     seed: int  # of the scenes, the poses and the noise
@@ -222,7 +220,6 @@ def evaluation_pair(number: int, seed: int, turn: Turn) -> EvaluationPair:
     """Pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
     scene = _scene_of(number, seed)
     return EvaluationPair(
-        number,
         scene,
         SET_OVERLAPS[number % len(SET_OVERLAPS)],
         turn,
@@ -234,7 +231,7 @@ def evaluation_pair(number: int, seed: int, turn: Turn) -> EvaluationPair:
 def evaluation_unrelated(number: int, seed: int) -> UnrelatedPair:
     """Unrelated pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
     scene = _scene_of(number, seed)
-    return UnrelatedPair(number, scene, _noise(number, scene), _seed_of(number, seed, 2))
+    return UnrelatedPair(scene, _noise(number, scene), _seed_of(number, seed, 2))
 
 
 def _scene_of(number: int, seed: int) -> str:

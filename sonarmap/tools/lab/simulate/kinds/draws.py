@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair, relief_of
+from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF, KindPair
 from sonarmap.tools.lab.simulate.random_pairs import DROPOUTS, GHOSTS, OUTLIERS, POSE_TILT, SPECKLE
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
@@ -45,7 +45,7 @@ def noise_of(number: int, scenes: Sequence[str]) -> Noise:
     """Noise of pair `number`, whose scenes take turns; nine turns combine every overlap with every variance."""
     turn, scene = number // len(scenes), scenes[number % len(scenes)]
     sigma2 = SIGMA2[(number + turn + turn // len(SIGMA2)) % len(SIGMA2)] * SCENE_KINDS[scene].scale ** 2
-    if relief_of(scene) in ("flat", "weak"):
+    if RELIEF_OF[scene] in ("flat", "weak"):
         sigma2 *= OPEN_BED
     return Noise(sigma2, OUTLIERS, DROPOUTS, GHOSTS, SPECKLE)
 

@@ -7,7 +7,6 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, measure_pose
 
@@ -50,7 +49,7 @@ class KindPair:
     @property
     def relief(self) -> Relief:
         """Relief of the scene."""
-        return relief_of(self.scene)
+        return RELIEF_OF[self.scene]
 
     @property
     def T_target_source(self) -> RigidTransform:
@@ -80,10 +79,3 @@ RELIEF_OF: MappingProxyType[str, Relief] = MappingProxyType(
 )
 
 ROUGH_SCENES = tuple(scene for scene, relief in RELIEF_OF.items() if relief != "flat")
-
-
-def relief_of(scene: str) -> Relief:
-    """The relief of a scene of SCENE_KINDS. Raises InputError: it has none."""
-    if scene not in RELIEF_OF:
-        raise InputError(f"the scene {scene!r} has no relief; add it to `_SCENES_OF`")
-    return RELIEF_OF[scene]

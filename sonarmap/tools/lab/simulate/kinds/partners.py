@@ -9,7 +9,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.kinds.draws import noise_of, pair_draws
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair, relief_of
+from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF, KindPair
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, meet, pick, true_points, write_scan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
@@ -149,7 +149,7 @@ def _coarse(water: Water, fan: Fan, sweep: Sweep) -> np.ndarray | None:
 def _shows_structure(water: Water, points: np.ndarray, least: float) -> bool:
     """Whether a share `least` of the points (N, 3) [m] lies off their best-fitting plane, or the scene has no more than
     its bed to show."""
-    if relief_of(water.scene.name) not in STRUCTURED:
+    if RELIEF_OF[water.scene.name] not in STRUCTURED:
         return True
     away = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(away.T @ away)
