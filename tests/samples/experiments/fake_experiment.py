@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request
 from sonarmap.tools.lab.reproduce.run import Provenance
 
 JOBS = ("a", "b", "c", "d", "e")
@@ -44,7 +44,3 @@ def origin(experiment: Experiment, **changes: object) -> Provenance:
     return Provenance(**({"name": "fake", "settings": vars(experiment.settings)} | fixed | machine | changes))
 
 
-def run_all(experiment: Experiment) -> tuple[list[Row], list[Row]]:
-    """The rows and the times of all jobs."""
-    done = [experiment.run(job) for job in experiment.jobs]
-    return [row for outcome in done for row in outcome.rows], [row for outcome in done for row in outcome.seconds]

@@ -84,12 +84,6 @@ class TestKernels:
         assert not measure_case(broken, device, 16, 1)["right"]
         assert relative_difference(np.ones(3), np.ones(4)) == np.inf
 
-    def test_the_workload_depends_on_the_seed_alone(self, device: Device) -> None:
-        first, again, other = (Workload(device, 16, 1, seed) for seed in (1, 1, 2))
-        np.testing.assert_array_equal(first.points, again.points)
-        np.testing.assert_array_equal(first.volume, again.volume)
-        assert not np.array_equal(first.volume, other.volume)
-
 
 @pytest.mark.slow
 class TestPairs:

@@ -1,20 +1,17 @@
 """Several dives over one scene: the same surface and path, other waves and noise."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from sonarmap.tools.lab.simulate.folder import read_settings
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.routes import lawnmower_path
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
 from sonarmap.tools.lab.simulate.trajectories import lawnmower, start_of
-from tests.samples.clutter_scans import said, sonarmap
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE
 
@@ -58,16 +55,3 @@ def test_a_second_dive_has_the_same_scene_with_other_waves_and_noise() -> None:
 )
 def test_an_impossible_dive_is_refused(change: dict) -> None:
     refuses("dive", replace, SETTINGS, **change)
-
-
-def test_the_command_takes_a_dive_alone_or_with_like(tmp_path: Path) -> None:
-    options = ("--trajectory", "lawnmower", "--scans", "1", "--seed", "14", "--quiet")
-    assert sonarmap("simulate", *options, "-o", tmp_path / "one").exit_code == 0
-    assert sonarmap("simulate", *options, "--dive", "2", "-o", tmp_path / "two").exit_code == 0
-    like = ("--like", tmp_path / "one" / "description.json", "--dive", "2", "--quiet")
-    assert sonarmap("simulate", *like, "-o", tmp_path / "three").exit_code == 0
-    scans = [(tmp_path / name / "scan_000.ply").read_bytes() for name in ("one", "two", "three")]
-    assert scans[0] != scans[1]
-    assert scans[1] == scans[2]
-    assert read_settings(tmp_path / "two" / "description.json").dive == 2
-    said(sonarmap("simulate", "--trajectory", "table1", "--dive", "2", "-o", tmp_path / "four"), "has only one dive")

@@ -11,10 +11,10 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.scenes.solids import box, merge
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
-from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, PAPER, Echoes, bare, cast
+from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, Echoes, bare, cast
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, observe
 from tests.samples.refusals import refuses
-from tests.samples.scenes.simulated import COARSE, QUIET
+from tests.samples.scenes.simulated import COARSE
 
 IDENTITY = RigidTransform.identity()
 FAN = bare(ECLIPSE)
@@ -75,17 +75,6 @@ def test_the_variance_of_the_range_is_proportional_to_the_range():
     # the standard error of a variance over n samples is sqrt(2 / n): 0.7 %; four of them
     assert_allclose(off.var(axis=1), 2.5 * ranges[:, 0] / 120.0, rtol=0.03)
     assert_allclose(off.mean(axis=1), 0.0, atol=4 * np.sqrt(2.5 * 0.8 / 40000))
-
-
-def test_noise_acts_along_the_beam():
-    settings = SimulationSettings(sensor=replace(PAPER, columns=24, rows=18), noise=Noise(sigma2=2.0), seed=3)
-    pose = RigidTransform.from_translation((-60.0, -20.0, 0.0))
-    noisy = observe(settings, pose, 0, "noisy").points
-    clean = observe(replace(settings, noise=QUIET), pose, 0, "clean").points
-    assert len(noisy) == len(clean)
-    assert np.linalg.norm(noisy - clean, axis=1).max() > 0.5
-    cosine = (noisy * clean).sum(axis=1) / np.linalg.norm(noisy, axis=1) / np.linalg.norm(clean, axis=1)
-    assert_allclose(cosine, 1.0, atol=1e-6)
 
 
 def test_outliers_and_dropouts_have_their_shares():

@@ -120,7 +120,7 @@ def test_the_wanted_share_is_unusable_and_never_the_first_scan(share: float, wan
     assert abs(kinds.count("empty") - kinds.count("noise")) <= 1
 
 
-def test_unusable_scans_change_neither_the_others_nor_the_truth() -> None:
+def test_unusable_scans_have_the_points_of_their_kind_and_change_neither_the_others_nor_the_truth() -> None:
     sound, unusable = simulate(SETTINGS), simulate(replace(SETTINGS, unusable=0.45))
     assert len(unusable.faults) == 4
     assert_array_equal(sound.truth.T_world_sensor.as_matrix(), unusable.truth.T_world_sensor.as_matrix())
@@ -129,10 +129,6 @@ def test_unusable_scans_change_neither_the_others_nor_the_truth() -> None:
         if number not in unusable.faults:
             assert_array_equal(one.points, other.points)
             assert_array_equal(one.strength, other.strength)
-
-
-def test_an_unusable_scan_has_the_points_of_its_kind() -> None:
-    unusable = simulate(replace(SETTINGS, unusable=0.45))
     beams = COARSE.rows * COARSE.columns
     for number, kind in unusable.faults.items():
         scan = unusable.scans[number]
@@ -149,17 +145,16 @@ def test_an_impossible_share_is_refused(share: float) -> None:
 
 
 def test_the_description_names_unusable_scans_and_like_repeats_them(tmp_path: Path) -> None:
-    options = ("--trajectory", "lawnmower", "--scans", "4", "--seed", "6", "--set", "unusable=0.25", "--quiet")
-    assert sonarmap("simulate", *options, "-o", tmp_path / "a").exit_code == 0
+    options = ["--trajectory", "lawnmower", "--dive", "2", "--scans", "4", "--seed", "6", "--quiet", "--set"]
+    assert sonarmap("simulate", *options, "unusable=0.25", "-o", tmp_path / "a").exit_code == 0
     described = json.loads((tmp_path / "a" / "description.json").read_text())
-    assert described["settings"]["unusable"] == 0.25
+    assert (described["settings"]["unusable"], described["settings"]["dive"]) == (0.25, 2)
     kinds = [row["unusable"] for row in described["scans"]]
-    assert kinds == [choose_faults(0.25, 4, seed=6).get(number) for number in range(4)]
     assert kinds.count(None) == 3
     again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b", "--quiet")
     assert again.exit_code == 0
     assert files_in(tmp_path / "a") == files_in(tmp_path / "b")
-    refused = sonarmap("simulate", *options[:-3], "--set", "unusable=1.5", "-o", tmp_path / "c")
+    refused = sonarmap("simulate", *options, "unusable=1.5", "-o", tmp_path / "c")
     assert refused.exit_code == 2
     said(refused, "unusable is 1.5")
 

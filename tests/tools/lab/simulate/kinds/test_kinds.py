@@ -10,7 +10,6 @@ from sonarmap.tools.lab.simulate.kinds.draws import pair_draws
 from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, KindPair
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
-from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import QUIET
@@ -33,8 +32,8 @@ def _without_distortion(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(partners, "noise_of", lambda *_: QUIET)
 
 
-def _pair(kind: str, scene: str, overlaps: tuple[float, float] = (0.2, 0.9), seed: int = 12) -> KindPair:
-    return kind_pair(kind, SCAN_KINDS[kind].scenes.index(scene), seed, overlaps)
+def _pair(kind: str, scene: str, overlaps: tuple[float, float] = (0.2, 0.9)) -> KindPair:
+    return kind_pair(kind, SCAN_KINDS[kind].scenes.index(scene), 12, overlaps)
 
 
 @pytest.mark.quick_cases(1)
@@ -71,21 +70,20 @@ def test_the_number_of_a_pair_gives_scene_and_overlap(turn: int, kind: str):
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize(("kind", "most"), [*((kind, 0.1) for kind in VIEWS), *((kind, 0.4) for kind in SWEEPS)])
-def test_both_scans_lie_on_the_scene_at_their_true_poses(kind: str, most: float):
+@pytest.mark.parametrize("kind", VIEWS)
+def test_both_scans_of_single_views_lie_on_the_scene_at_their_true_poses(kind: str):
     """Up to noise and distortion; at the other scan's pose they do not."""
-    scene = "shallow" if kind in SWEEPS else "manifold"
-    number = SCAN_KINDS[kind].scenes.index(scene)
-    pair = kind_pair(kind, number, 12, (0.2, 0.9) if kind in SWEEPS else None)
-    mesh = build_scene(scene, pair_draws(kind, number, 12).scene).mesh
+    number = SCAN_KINDS[kind].scenes.index("manifold")
+    pair = kind_pair(kind, number, 12)
+    mesh = build_scene("manifold", pair_draws(kind, number, 12).scene).mesh
     target, source = (scan.points.astype(np.float64) for scan in (pair.target, pair.source))
     for right, wrong, points in (
         (pair.T_world_target, pair.T_world_source, target),
         (pair.T_world_target * pair.T_target_source, pair.T_world_target, source),
     ):
         off = np.median(surface_distance(mesh, right.apply(points)))
-        assert 0.001 < off < most
-        assert kind in SWEEPS or np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
+        assert 0.001 < off < 0.1
+        assert np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
 
 
 @pytest.mark.slow
@@ -120,32 +118,7 @@ def test_unknown_kinds_and_negative_numbers_are_refused():
     refuses(">= 0", kind_pair, "patch", -1, 0)
 
 
-@pytest.mark.parametrize("kind", SWEEPS[:1])
-def test_an_impossible_overlap_of_a_sweep_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch):
+def test_an_impossible_overlap_of_a_sweep_is_refused(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(partners, "PLACES", 1)
     monkeypatch.setattr(partners, "TRIES", 3)
-    refuses("widen the range", _pair, kind, "shallow", (0.5, 0.5 + 1e-9))
-
-
-@pytest.mark.slow
-def test_instruments_err_by_their_sigmas_and_independently():
-    every, depth = Instruments(), instruments_for(["depth"])
-    pair = kind_pair("sonar3d15", 4, 6)
-    full, alone = pair.with_priors(every), pair.with_priors(depth)
-    ups = []
-    for scan, single, truth in (
-        (full.target, alone.target, pair.T_world_target),
-        (full.source, alone.source, pair.T_world_source),
-    ):
-        assert scan.prior is not None
-        assert single.prior is not None
-        off = (truth.translation - scan.prior.T_world_sensor.translation) / every.sigmas[3:]
-        turned = (truth.rotation * scan.prior.T_world_sensor.rotation.inv()).magnitude()
-        assert np.abs(off).max() < 5.0
-        assert turned < 5.0 * np.linalg.norm(every.sigmas[:3])
-        assert turned > 0
-        assert single.prior.T_world_sensor.translation[2] == scan.prior.T_world_sensor.translation[2]
-        assert np.isinf(single.prior.sigmas[:5]).all()
-        ups.append(off[2])
-    assert ups[0] != ups[1]
-    assert_array_equal(full.source.points, pair.source.points)
+    refuses("widen the range", _pair, "swath", "shallow", (0.5, 0.5 + 1e-9))

@@ -79,16 +79,6 @@ def test_a_wall_leans_for_a_sensor_that_moves_ahead():
     assert_allclose(ahead, np.broadcast_to(10.0 - np.linspace(-0.2, 0.2, FEW.rows)[:, None], ahead.shape), atol=1e-4)
 
 
-def test_a_wall_is_twisted_for_a_sensor_that_turns():
-    """At 6 degrees a second over a second to the left: the last row is seen as if the wall had turned to the right."""
-    shot = _wall_shot()
-    scan = single_view.scan_in_motion(shot, single_view.Motion(np.zeros(3), np.array((0.0, 0.0, np.deg2rad(6.0))), 1.0))
-    rows = scan.points.reshape(FEW.rows, FEW.columns, 3)
-    for row, turned in ((0, -3.0), (FEW.rows // 2, 0.0), (-1, 3.0)):
-        back = Rotation.from_euler("z", turned, degrees=True).apply(rows[row].astype(np.float64))
-        assert_allclose(back[:, 0], 10.0, atol=1e-4)
-
-
 def test_points_lie_on_the_wall_from_the_poses_at_their_times():
     """Also with lost beams."""
     shot = replace(_wall_shot(), noise=Noise(dropouts=0.4))
