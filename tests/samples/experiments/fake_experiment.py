@@ -42,5 +42,3 @@ def origin(experiment: Experiment, **changes: object) -> Provenance:
     fixed = {"sources": "ab", "device": "a device", "platform": "OpenCL 3.0 X  Y", "versions": {"numpy": "2"}}
     machine = {"processor": "a processor", "cores": 2}
     return Provenance(**({"name": "fake", "settings": vars(experiment.settings)} | fixed | machine | changes))
-
-

@@ -173,8 +173,6 @@ SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
     ("rows", "words"),
     [
         ([], "holds no line but comments"),
-        (["a,b"], "line 1: there are 0 columns target"),
-        ([HEADING, SOUND, "0,1,loop,yes,told,1,2"], "line 3: it has 7 cells where the heading has 11"),
         ([HEADING, SOUND.replace("0,1", "0,6")], "line 2: source is '6'"),
         ([HEADING, SOUND.replace("2,3", "nan,3")], "line 2: y_m is 'nan'"),
     ],
@@ -207,12 +205,6 @@ def test_everything_is_printed_with_its_alignment(files: Path) -> None:
         "Uncertainty of 5 poses, relative to the first pose: 100.0 % of the true poses",
     ):
         assert words in printed
-    rows = [line.split() for line in printed.splitlines()]
-    assert rows[[row[:1] for row in rows].index(["pairs,"])][-1] == "loops"
-    loops = [row[-1] for row in rows if row and row[0] in ("kept", "rejected", "failed", "unjudged")]
-    assert loops == ["1", "1", "1", "0", "1", "0"]
-    shares = [row[-1] for row in rows if row and row[0] in ("precision", "recall", "rejections'")]
-    assert shares == ["0.500", "0.500", "0.000", "0.000"]
 
 
 @pytest.mark.slow
