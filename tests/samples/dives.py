@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.lab.simulate.routes import survey_path
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
 from tests.samples.recordings import PIXEL, SPEED, PacketOf, packets_of, range_image, stamp_at, strength_image
@@ -42,11 +42,6 @@ class Dive:
         roll, pitch = (size * np.sin(2 * np.pi * times / period) for size, period in zip(SWAY, PERIODS, strict=True))
         angles = np.column_stack([heading, path.pitch + pitch, roll])
         return RigidTransform.from_components(places, Rotation.from_euler("ZYX", angles))
-
-    def surface_distances(self, points: np.ndarray) -> np.ndarray:
-        """(M,) from the scene's surface [m], of points (M, 3) [m] in the frame of the first shot."""
-        T_scene_first = replace(self, shots=1).poses()[0]
-        return surface_distance(build_scene(self.scene, self.seed).mesh, T_scene_first.apply(points))
 
     def packets(self) -> Iterator[PacketOf]:
         """The range and the strength image of each shot."""
