@@ -176,7 +176,7 @@ def test_map_coordinates_are_refused_with_their_system(tmp_path: Path) -> None:
     refuses(words, read_scan, put_las(tmp_path, las(tile, offset=offset)))
 
 
-COUNT, LEGACY_COUNT, START, RECORDS = 247, 107, 96, 100  # places in a header
+COUNT, START, RECORDS = 247, 96, 100  # places in a header
 
 
 class TestHostileHeaders:

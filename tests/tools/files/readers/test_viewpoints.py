@@ -111,8 +111,6 @@ class TestTrajectoryBeside:
 class TestViewpointOfPcd:
     """PCL's sensor_origin: where the sensor was, in the frame of the points."""
 
-    NOTE = "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
-
     def put(self, path: Path, line: str, encoding: str = "binary") -> Path:
         return put(path, pcd(encoding).replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode()))
 

@@ -10,30 +10,11 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
+from tests.samples.damage.mutations import mutated
 from tests.tools.files.readers.pings.datagrams import SUFFIXES, written
 
 LONGEST = 10.0  # seconds for a file
 QUICK, MANY = 5, 500
-
-
-def damaged(content: bytes, rng: np.random.Generator) -> bytes:
-    """Some bytes of it changed, cut out, put in, or doubled."""
-    changed = bytearray(content)
-    for _ in range(rng.integers(1, 8)):
-        at = int(rng.integers(0, max(len(changed), 1)))
-        some = int(rng.choice([1, 2, 4, 17, 300]))
-        kind = rng.integers(0, 5)
-        if kind == 0:
-            changed[at : at + some] = rng.bytes(min(some, len(changed) - at))
-        elif kind == 1:
-            del changed[at : at + some]
-        elif kind == 2:
-            changed[at:at] = rng.bytes(some)
-        elif kind == 3:
-            changed[at:at] = changed[at : at + some]
-        else:
-            changed[at : at + 4] = rng.choice([b"\xff\xff\xff\xff", b"\0\0\0\0", b"\x7f\xff\xff\xff", b"\xff\x7f"])
-    return bytes(changed)
 
 
 def check(line: RecordedLine) -> None:
@@ -49,7 +30,7 @@ def trial(folder: Path, suffix: str, count: int, seed: int) -> Counter[str]:
     content, rng, ends = written(folder, suffix).read_bytes(), np.random.default_rng(seed), Counter[str]()
     path, slowest = folder / f"damaged{suffix}", 0.0
     for _ in range(count):
-        path.write_bytes(damaged(content, rng))
+        path.write_bytes(mutated(content, content, rng))
         started = time.monotonic()
         try:
             line = read_line(path, [])
