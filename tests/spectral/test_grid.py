@@ -107,12 +107,6 @@ class TestRegistrations:
 POINTS = np.arange(12, dtype=np.float32).reshape(4, 3)
 
 
-def test_viewpoints_are_kept_as_they_are() -> None:
-    viewpoints = POINTS + 100
-    assert Scan(POINTS, viewpoints=viewpoints).viewpoints is viewpoints
-    assert Scan(POINTS).viewpoints is None
-
-
 ROWS = {"viewpoints": POINTS, "times": POINTS[:, 0], "strength": POINTS[:, 0]}
 
 

@@ -1,6 +1,5 @@
 """The probability of hypotheses, and alternatives that cannot be excluded."""
 
-from dataclasses import replace
 from math import erf
 
 import numpy as np
@@ -8,14 +7,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.judgement import clues, fixed_probability, place_probabilities
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.verifier import Observability
-from sonarmap.tools.lab.simulate.random_pairs import evaluation_unrelated
 from tests.samples.scenes.structures import registered
 
 GRID = Grid(128, 0.5)
@@ -128,17 +126,6 @@ def test_the_same_room_with_a_block_in_a_corner_is_accepted() -> None:
     registration, T = registered_room(marked=True)
     assert registration.accepted
     assert np.rad2deg((registration.T_target_source.rotation * T.rotation.inv()).magnitude()) < 1
-
-
-@pytest.mark.parametrize("number", range(2))
-@pytest.mark.slow
-def test_scans_that_share_nothing_are_refused(number: int) -> None:
-    target, source = evaluation_unrelated(number, 4242).scans()
-    registrar = SpectralRegistrar(choose_device(None), choose_grid((target, source)))
-    registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
-    assert not registration.accepted
-    assert registration.probability < 0.85
-    assert replace(registration, alternatives=()).reason
 
 
 def test_a_rival_with_better_views_counts_despite_a_low_peak() -> None:

@@ -208,8 +208,3 @@ class TestBounds:
     def test_config_refuses_what_makes_no_sense(self, changes: dict, words: str) -> None:
         with pytest.raises(InputError, match=words):
             SpectralConfig(**changes)
-
-    def test_a_plane_is_refused(self, registrar: SpectralRegistrar) -> None:
-        flat = np.column_stack([np.random.default_rng(2).uniform(-9, 9, (3000, 2)), np.full(3000, -5.0)])
-        with pytest.raises(InputError, match="one plane"):
-            registrar.prepare(Scan(flat.astype(np.float32)))

@@ -148,24 +148,7 @@ def test_the_covariance_is_that_of_the_instruments_errors(draws, target, source)
     np.testing.assert_allclose(white.mean(axis=0), 0, atol=4 / np.sqrt(DRAWS))
 
 
-class TestTurned:
-    def test_all_tilts_of_a_turn_come_before_the_next_turn(self) -> None:
-        turns, tilts = np.array([0.3, -1.1]), np.array([[0.0, 0.0], [0.05, 0.02], [-0.01, 0.04]])
-        relative = pair(ATTITUDE, HEADING)
-        turned = relative.turned(turns, tilts)
-        assert len(turned) == 6
-        poses = RigidTransform.from_rotation(turned)
-        want = [[*tilt, turn] for turn in turns for tilt in tilts]
-        np.testing.assert_allclose(relative.residuals(poses), want, atol=1e-12)
-
-
 class TestReaches:
-    @pytest.mark.parametrize(
-        ("target", "source"), [((HEADING,), ALL), (ALL, (HEADING,)), ((DEPTH,), (DEPTH,))], ids=names_of
-    )
-    def test_the_tilts_sigma_is_infinite_without_both_attitudes(self, target: Kinds, source: Kinds) -> None:
-        assert between(target, source).tilt_sigma == np.inf
-
     def test_the_tilts_sigma_is_that_of_the_less_certain_axis_of_both_scans(self) -> None:
         sigmas = np.array([0.03, 0.01, 1, 1, 1, 1]), np.array([0.04, 0.02, 1, 1, 1, 1])
         relative = RelativePrior(PosePrior(T_TARGET, sigmas[0]), PosePrior(T_SOURCE, sigmas[1]))

@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.device.arrays import upload_poses
-from sonarmap.kernels.device.device import Array, Device, choose_device
+from sonarmap.kernels.device.device import Array, Device
 from sonarmap.spectral.prepare.range_image import View, scan_view, visibility
 
 VIEWPOINT = np.array([3.0, -2.0, 1.0])
-
-
-@pytest.fixture(scope="module")
-def device() -> Device:
-    return choose_device()
 
 
 def still(device: Device) -> Array:

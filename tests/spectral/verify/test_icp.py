@@ -62,13 +62,6 @@ def assert_at(fit: Fit, R: Rotation, shift: np.ndarray, degrees: float, voxels: 
     assert distance < voxels
 
 
-def assert_same(fit: Fit, other: Fit, information: float = 1e-6) -> None:
-    np.testing.assert_allclose(fit.shift, other.shift, atol=1e-9)
-    np.testing.assert_allclose(fit.R.as_matrix(), other.R.as_matrix(), atol=1e-9)
-    np.testing.assert_allclose(fit.information, other.information, rtol=information, atol=1e-6)
-    assert fit.width == pytest.approx(other.width)
-
-
 def lattice(x: float, y: float, height: float = 0.0, slope: float = 0.0) -> np.ndarray:
     """A point a voxel, from (-x, -y) to below (x, y)."""
     at_x, at_y = (each.ravel() for each in np.meshgrid(np.arange(-x, x), np.arange(-y, y)))
@@ -232,7 +225,10 @@ def test_stages_without_a_read_equal_separate_ones(pair: tuple[Surface, Surface]
     (between,) = refine(chosen_device(), *pair, start, [first]).read()
     start = Start(Rotation.concatenate([between.R]), between.shift[None], np.array([between.width]))
     (last,) = refine(chosen_device(), *pair, start, [second]).read()
-    assert_same(together, last)
+    np.testing.assert_allclose(together.shift, last.shift, atol=1e-9)
+    np.testing.assert_allclose(together.R.as_matrix(), last.R.as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(together.information, last.information, rtol=1e-6, atol=1e-6)
+    assert together.width == pytest.approx(last.width)
 
 
 def test_wide_layers_are_aligned_as_a_whole() -> None:
