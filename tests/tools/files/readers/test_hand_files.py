@@ -85,22 +85,18 @@ def test_control_points_on_the_earth(tmp_path: Path) -> None:
 
 
 def test_control_points_of_a_grid(tmp_path: Path) -> None:
-    """Of the 32nd zone, whose middle is 9 East, where grid North is true North and the scale 0.9996."""
-    text = f"{GRID}A,0,1,2,3,500000,6650000,-3\nB,1,1,2,3,500099.96,6650049.98,-2\n"
-    read = read_control(written(tmp_path, text), SCANS, crs="EPSG:32632")
-    assert read.georeference is not None
-    assert read.georeference.longitude == pytest.approx(9.0)
-    np.testing.assert_allclose(read.points[1].known - read.points[0].known, [100, 50, 1], atol=0.01)
+    """Of the 32nd zone, whose middle is 9 East, where grid North is true North and the scale 0.9996.
 
-
-def test_a_grid_is_asked_where_the_points_are(tmp_path: Path) -> None:
-    """The example of the option's help holds in Europe, and neither at 0 N 0 E nor with its columns swapped."""
-    row = "A,0,1,2,3,500000,6650000,-3\n"
-    ours, world = (read_control(written(tmp_path, GRID + row), SCANS, crs=f"EPSG:{code}") for code in (25832, 32632))
-    assert ours.georeference is not None
+    Of ETRS89 they are in Europe, and not with their columns swapped.
+    """
+    path = written(tmp_path, f"{GRID}A,0,1,2,3,500000,6650000,-3\nB,1,1,2,3,500099.96,6650049.98,-2\n")
+    world, ours = (read_control(path, SCANS, crs=f"EPSG:{code}") for code in (32632, 25832))
+    assert world.georeference is not None
+    assert world.georeference.longitude == pytest.approx(9.0)
     assert ours.georeference == world.georeference
+    np.testing.assert_allclose(world.points[1].known - world.points[0].known, [100, 50, 1], atol=0.01)
     np.testing.assert_allclose(ours.points[0].known, world.points[0].known, atol=1e-3)
-    swapped = written(tmp_path, GRID + "A,0,1,2,3,6650000,500000,-3\n")
+    swapped = written(tmp_path, f"{GRID}A,0,1,2,3,6650000,500000,-3\n")
     words = "not in the area .*check the CRS and the numbers"
     refuses(f"by_hand.csv: --control-crs EPSG:25832: .*{words}", read_control, swapped, SCANS, crs="EPSG:25832")
 

@@ -16,7 +16,6 @@ import snappy
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.memory import available_memory, require_memory
 from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
@@ -206,11 +205,6 @@ class TestMemory:
         require_memory("a thing", available // 2, "take less")
         with pytest.raises(InputError, match=r"a thing takes [\d,.]+ GiB of memory, .* [GM]iB to spare; take less"):
             require_memory("a thing", 10**400, "take less")
-
-
-@pytest.mark.parametrize("text", ["1e308,1,1,1", "1,1e-200,1,1", "1,1,inf,1"])
-def test_options_have_the_same_limits(text: str) -> None:
-    refuses("--prior-sigmas is", parse_prior_sigmas, text)
 
 
 @pytest.mark.filterwarnings("error")

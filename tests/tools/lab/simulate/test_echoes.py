@@ -46,15 +46,6 @@ def field_of_view(kept: np.ndarray, cast_: np.ndarray, sensor: Sensor) -> float:
     return float(left - right)
 
 
-def test_the_pattern_is_a_gaussian_lobe_about_the_fans_middle():
-    sensor = replace(COARSE, edge_loss=20.0, tilt=np.deg2rad(35))
-    decibel = 10 * np.log10(sensor.pattern())
-    assert_allclose(decibel[10, 16], 0.0, atol=1e-9)
-    assert_allclose(decibel[10, [0, 32]], -20.0, rtol=1e-9)
-    assert_allclose(decibel[10, 24], -5.0, rtol=1e-9)  # half the angle, a quarter of the loss
-    assert_allclose(decibel[[0, 20], 16], -20.0 * (30 / 45) ** 2, rtol=1e-9)
-
-
 def test_the_pattern_and_the_absorption_weaken_the_echo_of_a_wall():
     scene = Scene("wall", box((30.5, 0, 0), (1.0, 400.0, 400.0)))
     sensor = replace(COARSE, edge_loss=13.0, absorption=0.4)

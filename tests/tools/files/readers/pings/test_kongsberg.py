@@ -70,8 +70,6 @@ def test_the_depth_of_the_transducer_has_a_multiplier(tmp_path: Path, depth: flo
 def test_what_mb_system_writes(tmp_path: Path, form: str) -> None:
     """Places of pings come first, and flags of beams; there is no other position."""
     em = Recorder(300 if form == "depths" else 710, ">")
-    wrong = sample(3)
-    wrong.fixes[:] = [214.0, 0.0]  # none
     parts = list[bytes]()
     for k in range(12):
         if form == "depths":
