@@ -57,20 +57,6 @@ def test_a_plan_holds_what_is_allocated(maker: str, edge: int) -> None:
     assert (planned[:2] < 1.5 * measured[:2]).all()
 
 
-def test_the_plan_matches_a_count_by_hand() -> None:
-    chosen = choose_device()
-    device = Device(chosen.cl_device, chosen.selector)
-    usage = MemoryUsage(device)
-    first = device.empty((3, 5, 7))
-    second = device.to_device(np.ones(11, np.complex64))
-    assert (usage.now, usage.most, usage.largest) == (420 + 88, 420 + 88, 420)
-    del second
-    gc.collect()
-    assert (usage.now, usage.most) == (420, 508)
-    usage.restart()
-    assert (usage.most, usage.largest) == (first.nbytes, 0)
-
-
 def test_the_error_for_a_too_large_grid_names_the_memory_and_a_grid_that_fits() -> None:
     with pytest.raises(DeviceError, match=r"GiB on the device.*`edge=\d\d\d`"):
         require_memory(_Small(), memory_plan(512))

@@ -1,7 +1,5 @@
 """Signatures of scans: invariance to rotation and translation, and distinction of places."""
 
-from itertools import combinations_with_replacement, product
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -28,21 +26,6 @@ def products(given: np.ndarray) -> np.ndarray:
 
 
 class TestSignature:
-    def test_it_follows_the_formula(self):
-        given = coefficients()
-        chosen = given[1:, ::2].astype(np.complex128)
-        energies = np.square(np.abs(chosen)).sum(axis=2)
-        shares = energies / energies.sum(axis=0)
-        want = []
-        for degree, (r, s) in product(range(4), combinations_with_replacement(range(4), 2)):
-            shared = np.vdot(chosen[degree, s], chosen[degree, r]).real
-            correlation = shared / np.sqrt(energies[degree, r] * energies[degree, s])
-            want.append(correlation * (shares[degree, r] * shares[degree, s]) ** 0.25)
-        got = signature(products(given))
-        assert got.dtype == np.float32
-        assert got.shape == (4 * 10,)
-        np.testing.assert_allclose(got, want, atol=1e-6)
-
     @pytest.mark.parametrize("seed", range(2))
     def test_no_rotation_of_the_layers_changes_it(self, seed):
         R = Rotation.random(rng=np.random.default_rng(seed))
