@@ -290,21 +290,3 @@ def test_the_best_of_hypotheses_at_the_same_pose_is_kept(spread: float) -> None:
             kept.append(each)
     assert ranked(best_first[::-1]) == kept
     assert elsewhere(best_first, kept) == []
-
-
-def test_hypotheses_of_low_agreement_are_dropped(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
-    both = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
-    true, beside = with_evidence(pair_test, both)
-    refined_again: list[int] = []
-    refine = HypothesisTest._refine
-
-    def counted(test: HypothesisTest, hypotheses: list[Hypothesis], *rest: Any) -> list[Hypothesis]:
-        refined_again.append(len(hypotheses))
-        return refine(test, hypotheses, *rest)
-
-    monkeypatch.setattr(HypothesisTest, "_refine", counted)
-    pair_test.compare([true, beside])
-    hopeless = replace(beside, evidence=replace(beside.evidence, width=50.0))
-    (only,) = pair_test.compare([hopeless, true])
-    assert refined_again == [2, 1]
-    assert off(pair_test, only) < 1.0
