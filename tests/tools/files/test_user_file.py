@@ -38,7 +38,7 @@ def test_pipes_and_devices_are_refused_before_they_are_opened(name: str, tmp_pat
     refuses("null", READERS[name], tmp_path / "a\0b")
 
 
-def test_a_pipe_that_the_command_was_given_is_read(tmp_path: Path) -> None:
+def test_a_pipe_given_as_a_file_is_read_once(tmp_path: Path) -> None:
     """As `<(...)` of a shell; what is read twice cannot be one, and says so."""
     read, write = os.pipe()
     os.write(write, b"target,source\n1,2\n")
@@ -60,6 +60,6 @@ def test_a_file_larger_than_memory_is_refused(tmp_path: Path) -> None:
     refuses(r"large.csv takes 8,192 GiB of memory", read_csv_table, tmp_path / "large.csv")
 
 
-def test_a_folder_with_a_pipe_is_looked_at_all_the_same(tmp_path: Path) -> None:
+def test_a_pipe_named_as_metadata_makes_no_bag_of_a_folder(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / BAG_METADATA)
     assert not is_bag_folder(tmp_path)

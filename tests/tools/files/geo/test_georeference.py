@@ -18,14 +18,14 @@ def random_points(seed: int, reach: float = 900.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_there_and_back(place: tuple[float, float]) -> None:
+def test_local_is_the_inverse_of_geodetic(place: tuple[float, float]) -> None:
     here = Georeference(*place, height=-3.25, heading=37.5)
     points = random_points(1)
     np.testing.assert_allclose(here.local(here.geodetic(points)), points, atol=1e-6)
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_ways_and_bearings_are_those_of_the_geodesic(place: tuple[float, float]) -> None:
+def test_distances_and_bearings_equal_the_geodesic(place: tuple[float, float]) -> None:
     """At height 0 a point 600 m away, by Karney's geodesic, which this code does not use."""
     here = Georeference(*place, heading=30.0)
     points = np.array([[600.0, 0, 0], [0, 600.0, 0], [-300.0, 519.615242270663, 0]])
@@ -46,7 +46,7 @@ def test_ways_and_bearings_are_those_of_the_geodesic(place: tuple[float, float])
         ((85.0, 3.0), 5041),
     ],
 )
-def test_utm_zones(place: tuple[float, float], epsg: int) -> None:
+def test_utm_zones_follow_their_exceptions(place: tuple[float, float], epsg: int) -> None:
     assert utm_epsg(*place) == epsg
 
 
@@ -64,12 +64,12 @@ def test_a_map_across_a_border_of_zones_stays_in_one() -> None:
 
 
 @pytest.mark.parametrize("wrong", ["EPSG:4326", "EPSG:999999", "EPSG:2263", "EPSG:5773", "nonsense"])
-def test_refuses_a_crs_that_is_not_projected_in_meters(wrong: str) -> None:
+def test_a_crs_that_is_not_projected_in_meters_is_refused(wrong: str) -> None:
     refuses(r"--crs .*wanted", Projection.of, Georeference(40.7, -74.0), wrong)
 
 
 @pytest.mark.parametrize("crs", ["EPSG:32632", "EPSG:3006", "EPSG:2193", "EPSG:5041", "EPSG:28992", "EPSG:31256"])
-def test_easting_and_northing_are_a_place(crs: str) -> None:
+def test_eastings_and_northings_become_positions(crs: str) -> None:
     """Easting first, also where the CRS has it last: 3006 and 2193. Bergen lies beyond the area of 32632."""
     at = {"EPSG:32632": (60.3913, 5.3221), "EPSG:2193": (-41.3, 174.8), "EPSG:5041": (85.0, 100.0)}
     lat, lon = at.get(crs, (59.3, 18.0) if crs == "EPSG:3006" else (52.2, 5.4) if crs == "EPSG:28992" else (48.2, 16.4))
@@ -90,9 +90,7 @@ def test_easting_and_northing_are_a_place(crs: str) -> None:
         ("EPSG:2263", 1, 2, "US survey foot; wanted a projected one in meters"),
     ],
 )
-def test_refuses_eastings_and_northings_that_are_no_place(
-    crs: str, easting: float, northing: float, words: str
-) -> None:
+def test_impossible_eastings_and_northings_are_refused(crs: str, easting: float, northing: float, words: str) -> None:
     refuses(f"--origin.*{words}", on_the_earth, np.array([[easting, northing, 0.0]]), crs, "--origin")
 
 
@@ -104,24 +102,24 @@ def test_refuses_eastings_and_northings_that_are_no_place(
         "+proj=utm +zone=32 +ellps=GRS80",
     ],
 )
-def test_a_crs_without_a_datum_is_called_so(crs: str) -> None:
+def test_a_crs_without_a_datum_is_refused(crs: str) -> None:
     refuses("--crs .* without a datum.*--crs map", Projection.of, Georeference(60.0, 9.0), crs)
     refuses("--origin .* without a datum", on_the_earth, np.array([[3.0, 4.0, 0.0]]), crs, "--origin")
 
 
 @pytest.mark.parametrize("wrong", [(91.0, 5.0), (5.0, 181.0), (np.nan, 0.0), (1.0, 2.0, np.inf), (1, 2, 3, "geoid")])
-def test_refuses_an_origin_that_is_no_place(wrong: tuple) -> None:
+def test_an_invalid_origin_is_refused(wrong: tuple) -> None:
     refuses("wanted", Georeference, *wrong)
 
 
-def test_json_keeps_it() -> None:
+def test_json_round_trip() -> None:
     here = Georeference(-33.0, 151.25, 2.5, "EGM2008", 12.0)
     assert Georeference.of_json(here.to_json()) == here
     with pytest.raises(InputError):
         Georeference.of_json({"lat": 1.0})
 
 
-def test_refuses_points_that_are_not_near() -> None:
+def test_points_farther_than_200_km_are_refused() -> None:
     here = Georeference(10.0, 10.0)
     for convert, point in ((here.geodetic, [3e5, 0, 0]), (here.local, [20, 10, 0]), (here.geodetic, [np.nan, 0, 0])):
         refuses("200 km", convert, np.array([point], float))

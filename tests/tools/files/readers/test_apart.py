@@ -53,7 +53,7 @@ def process() -> float | None:
     return read_apart(whole, POINTS.tobytes())[0].stamp
 
 
-def test_what_comes_is_what_was_read() -> None:
+def test_clouds_from_the_other_process_equal_those_read_here() -> None:
     here, there = (read(POINTS.astype("<f4").tobytes()) for read in (whole, lambda content: read_apart(whole, content)))
     for cloud, other in zip(here, there, strict=True):
         for name in ("points", "strength", "viewpoints", "times"):
@@ -64,7 +64,7 @@ def test_what_comes_is_what_was_read() -> None:
 
 
 @pytest.mark.slow
-def test_the_process_is_kept_until_it_ends() -> None:
+def test_the_process_is_reused_until_it_ends() -> None:
     first = process()
     refuses("3 bytes are not to its taste", read_apart, refuse, b"abc")
     assert process() == first
@@ -86,7 +86,7 @@ def test_time_and_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert process() != first
 
 
-def test_an_interrupted_answer_is_not_the_next_files(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_answer_is_not_given_to_the_next_file(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(_: object) -> bytes:
         raise KeyboardInterrupt
 
@@ -107,7 +107,7 @@ def hostile() -> bytes:
     return bytes(content)
 
 
-def test_a_hostile_laz_file_is_one_gap(tmp_path: Path) -> None:
+def test_a_laz_file_that_crashes_its_library_leaves_a_gap(tmp_path: Path) -> None:
     for name, content in (("a", las()), ("b", hostile()), ("c", las())):
         (tmp_path / f"{name}.laz").write_bytes(content)
     read = read_survey([tmp_path])

@@ -28,7 +28,7 @@ def write_recording(path: Path, speeds: list[float], right: float = 1500.0) -> n
     return true_ranges
 
 
-def test_a_speed_of_sound_off_by_2_6_percent_leaves_less_than_a_thousandth(tmp_path: Path) -> None:
+def test_ranges_are_corrected_by_the_sound_speed_of_each_shot(tmp_path: Path) -> None:
     """Each shot by the speed that it was recorded with."""
     path = tmp_path / "dive.sonar"
     truth = write_recording(path, [1500 / 1.026, 1500 * 1.026, 1500.0])
@@ -43,7 +43,7 @@ def test_a_speed_of_sound_off_by_2_6_percent_leaves_less_than_a_thousandth(tmp_p
         assert len(scan.points) == len(other.points)
 
 
-def test_points_are_scaled_from_where_the_sensor_was() -> None:
+def test_points_are_scaled_from_their_viewpoints() -> None:
     viewpoints = np.array([[1.0, 0.0, 0.5], [-2.0, 1.0, 0.0]])
     cloud = Corrections(scale=1.5).corrected(Cloud(POINTS, viewpoints=viewpoints))
     np.testing.assert_allclose(cloud.points, [[1.75, -3.375, 0.875], [11.125, -0.3125, -5.25]])
@@ -52,7 +52,7 @@ def test_points_are_scaled_from_where_the_sensor_was() -> None:
     assert PointFrame().turned(cloud) is cloud
 
 
-def test_a_speed_for_a_format_without_one_and_axes_of_one_that_says_its_own_are_refused(tmp_path: Path) -> None:
+def test_a_sound_speed_or_frame_that_the_format_does_not_take_is_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", TABLE)
     words = r"a\.npy: `sound_speed=1500` cannot be used, as a NumPy .* `range_scale`"
     refuses(words, read_survey, [tmp_path], corrections=Corrections(1500.0))
@@ -61,7 +61,7 @@ def test_a_speed_for_a_format_without_one_and_axes_of_one_that_says_its_own_are_
     refuses(words, read_survey, [tmp_path / "dive.sonar"], corrections=Corrections(frame=PointFrame("frd")))
 
 
-def test_a_shot_without_one_is_a_gap(tmp_path: Path) -> None:
+def test_a_shot_without_a_sound_speed_leaves_a_gap(tmp_path: Path) -> None:
     write_recording(tmp_path / "dive.sonar", [1480.0, 0.0, 1490.0])
     read = read_survey([tmp_path], corrections=Corrections(1500.0))
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
@@ -76,11 +76,11 @@ def test_a_shot_without_one_is_a_gap(tmp_path: Path) -> None:
         *((PointFrame, names, "choose one of") for names in (("enu", "m"), ("flu", "inch"), ("", "m"))),
     ],
 )
-def test_refuses_other_numbers_and_names(made: Callable[..., object], given: tuple, words: str) -> None:
+def test_invalid_corrections_are_refused(made: Callable[..., object], given: tuple, words: str) -> None:
     refuses(words, made, *given)
 
 
-def test_axes_and_units_come_before_ranges(tmp_path: Path) -> None:
+def test_axes_and_units_are_converted_before_ranges_are_scaled(tmp_path: Path) -> None:
     np.save(tmp_path / "scan.npy", np.array([[5000.0, 2000, 1000]] * 3))  # mm, right and down positive
     read = read_scans([tmp_path / "scan.npy"], Corrections(scale=2.0, frame=PointFrame("frd", "mm")))
     np.testing.assert_allclose(read.scans[0].points, [[10, -4, -2]] * 3)
@@ -91,7 +91,7 @@ AHEAD_RIGHT_BELOW = {"flu": (5, -2, -1), "frd": (5, 2, 1), "rdf": (2, 1, 5), "ne
 
 
 @pytest.mark.parametrize("axes", FRAMES)
-def test_axes(axes: str) -> None:
+def test_axes_of_every_convention_are_converted(axes: str) -> None:
     wanted = (2, 5, -1) if axes == "ned" else (5, -2, -1)  # East, North, Up; or forward, left, up
     cloud = Cloud(np.array([AHEAD_RIGHT_BELOW[axes]], np.float32), viewpoints=np.array([AHEAD_RIGHT_BELOW[axes]]))
     turned = PointFrame(axes).turned(cloud)

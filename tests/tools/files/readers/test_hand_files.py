@@ -25,14 +25,14 @@ def written(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_ties_by_name_and_by_number(tmp_path: Path) -> None:
+def test_ties_name_scans_or_their_numbers(tmp_path: Path) -> None:
     text = "# after the second look\ntarget;source;verdict;note\ndive3;dive11.ply;reject;other pier\n7;2;ACCEPT;\n"
     first, second = read_ties(written(tmp_path, text), SCANS)
     assert (first.scans, first.verdict, first.note, first.given) == ((3, 11), "reject", "other pier", None)
     assert (second.scans, second.verdict) == ((2, 7), "accept")
 
 
-def test_a_transform_is_that_of_the_conventions(tmp_path: Path) -> None:
+def test_a_transform_follows_the_conventions(tmp_path: Path) -> None:
     """Yaw 90 to the left and 2 m ahead: what the source sees 3 m ahead lies 3 m to the target's left, and 2 m ahead."""
     (tie,) = read_ties(written(tmp_path, f"{TRANSFORM}dive1,dive4,add,2,0,0,0,0,90,0.05,1.5,\n"), SCANS)
     assert tie.given is not None
@@ -46,7 +46,7 @@ def test_a_transform_is_that_of_the_conventions(tmp_path: Path) -> None:
     np.testing.assert_allclose(turned.given.T_target_source.as_matrix(), T.inv().as_matrix(), atol=1e-12)
 
 
-def test_the_covariance_of_a_transform_that_is_turned_around(tmp_path: Path) -> None:
+def test_the_covariance_of_an_inverted_transform_matches_draws(tmp_path: Path) -> None:
     """Drawn: errors of T_4_1 in its own tangent, seen as errors of T_1_4."""
     (tie,) = read_ties(written(tmp_path, f"{TRANSFORM}4,1,add,3,-2,1,10,-20,170,0.02,0.5,\n"), SCANS)
     assert tie.given is not None
@@ -60,7 +60,7 @@ def test_the_covariance_of_a_transform_that_is_turned_around(tmp_path: Path) -> 
     )
 
 
-def test_control_points_in_the_maps_frame(tmp_path: Path) -> None:
+def test_control_points_in_the_maps_frame_are_read(tmp_path: Path) -> None:
     rows = "A,dive3,1.5,-2.5,0.25,310,-20,12.5,0.04,0.1,\nB,5,4,1,-3,320,-31,11,,,check\n"
     text = f"{POINT}depth_m,sigma_h_m,sigma_v_m,use\n{rows}"
     first, second = read_control(written(tmp_path, text), SCANS).points
@@ -72,7 +72,7 @@ def test_control_points_in_the_maps_frame(tmp_path: Path) -> None:
     np.testing.assert_array_equal(second.sigmas, [0.05] * 3)
 
 
-def test_control_points_on_the_earth(tmp_path: Path) -> None:
+def test_control_points_on_the_earth_are_placed_in_the_map(tmp_path: Path) -> None:
     """A second of latitude is 30.95 m at 60 degrees, one of longitude half of it (WGS84: 15.50 m)."""
     text = "name,scan,x_m,y_m,z_m,lat_deg,lon_deg,height_m\nA,0,1,2,3,60,5,-12.5\nB,1,1,2,3,60°00'01\"N,5 0 2 E,-10\n"
     read = read_control(written(tmp_path, text), SCANS)
@@ -84,7 +84,7 @@ def test_control_points_on_the_earth(tmp_path: Path) -> None:
     np.testing.assert_allclose(high.points[0].known, [0, 0, -15.0], atol=1e-6)
 
 
-def test_control_points_of_a_grid(tmp_path: Path) -> None:
+def test_control_points_of_a_grid_are_placed_in_the_map(tmp_path: Path) -> None:
     """Of the 32nd zone, whose middle is 9 East, where grid North is true North and the scale 0.9996.
 
     Of ETRS89 they are in Europe, and not with their columns swapped.
@@ -126,7 +126,7 @@ def test_control_points_of_a_grid(tmp_path: Path) -> None:
         (f"{GRID}A,0,1,2,3,500000,6650000,3\n", "give --control-crs"),
     ],
 )
-def test_what_cannot_be_used_is_refused(tmp_path: Path, text: str, words: str) -> None:
+def test_invalid_ties_and_control_points_are_refused(tmp_path: Path, text: str, words: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(InputError) as refused:
         (read_ties if text.startswith("target") else read_control)(path, SCANS)

@@ -104,7 +104,7 @@ HOSTILE: dict[str, tuple[str, bytes | Callable[[], bytes], str]] = {  # large on
 
 
 @pytest.mark.parametrize("case", [pytest.param(k, marks=pytest.mark.slow if k in LONG else ()) for k in HOSTILE])
-def test_it_is_a_gap_with_a_reason(tmp_path: Path, case: str) -> None:
+def test_hostile_files_leave_a_gap_with_a_reason(tmp_path: Path, case: str) -> None:
     suffix, content, words = HOSTILE[case]
     if suffix == ".csv":  # beside scans of another format it would be left out with a note
         for name in "ac":
@@ -120,7 +120,7 @@ def test_it_is_a_gap_with_a_reason(tmp_path: Path, case: str) -> None:
     assert [scan.name for scan in read.scans] == ["a", "c"]
 
 
-def test_what_compresses_best_is_still_read(tmp_path: Path, same: np.ndarray) -> None:
+def test_the_best_compressed_files_are_still_read(tmp_path: Path, same: np.ndarray) -> None:
     """No limit is below what the formats can do."""
     flat = range_image(1, np.full((256, 64), 100))
     (tmp_path / "c.sonar").write_bytes(rip.packb(flat))
@@ -131,7 +131,7 @@ def test_what_compresses_best_is_still_read(tmp_path: Path, same: np.ndarray) ->
 
 
 @pytest.mark.parametrize("name", ["a.pcd", "b.npz", "c.ply"])
-def test_what_memory_cannot_hold_is_refused_before_it_is_unpacked(
+def test_files_larger_than_memory_are_refused_before_unpacking(
     tmp_path: Path, same: np.ndarray, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path, c=same)
@@ -157,7 +157,7 @@ def with_numbers(path: Path, content: bytes, numbers: tuple[bytes, ...]) -> Iter
 
 
 @pytest.mark.parametrize("kind", [pytest.param(k, marks=() if k in QUICK else pytest.mark.slow) for k in POSE_FILES])
-def test_every_number_has_a_largest_and_what_is_next_to_nothing_gives_no_infinity(tmp_path: Path, kind: str) -> None:
+def test_large_numbers_are_refused_and_tiny_ones_give_no_infinity(tmp_path: Path, kind: str) -> None:
     file = POSE_FILES[kind]
     path = tmp_path / file.name
     assert all(np.isfinite(numbers).all() for numbers in numbers_in(file.read(put(path, file.content))))
@@ -168,7 +168,7 @@ def test_every_number_has_a_largest_and_what_is_next_to_nothing_gives_no_infinit
             assert all(np.isfinite(numbers).all() for numbers in numbers_in(file.read(path))), tiny
 
 
-def test_a_covariance_of_nothing_is_an_error(tmp_path: Path) -> None:
+def test_a_zero_covariance_is_refused(tmp_path: Path) -> None:
     summary = put(tmp_path / "summary.json", POSE_FILES["summary.json"].content.replace(b"0.125", b"0"))
     put(tmp_path / "pairs.csv", POSE_FILES["pairs.csv"].content)
     poses = put(tmp_path / "poses.tum", POSE_FILES["tum"].content)
@@ -180,17 +180,17 @@ def test_a_covariance_of_nothing_is_an_error(tmp_path: Path) -> None:
 class TestNesting:
     @pytest.mark.parametrize("kind", [kind for kind in POSE_FILES if kind.endswith(".json")])
     @pytest.mark.parametrize("content", [b"[" * 100_000, b'{"a":' * 100_000, b"[" * 500 + b"]" * 500])
-    def test_it_is_an_error_in_words(self, tmp_path: Path, kind: str, content: bytes) -> None:
+    def test_deep_nesting_is_refused(self, tmp_path: Path, kind: str, content: bytes) -> None:
         path = put(tmp_path / "deep.json", content)
         refuses(re.escape(str(path)), POSE_FILES[kind].read, path)
 
-    def test_what_is_right_is_read(self, tmp_path: Path) -> None:
+    def test_valid_json_is_read(self, tmp_path: Path) -> None:
         path = put(tmp_path / "a.json", b'{"a": [1, -2.5e-3, 9223372036854775807, 1e30, null, "\xc3\xb6"]}')
         assert read_json(path, "a file") == {"a": [1, -2.5e-3, 2**63 - 1, 1e30, None, "ö"]}
 
 
 class TestMemory:
-    def test_a_system_that_does_not_tell_has_all_its_memory(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_system_without_memory_counts_has_a_default(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def missing(*_: object, **__: object) -> str:
             raise FileNotFoundError
 
@@ -199,7 +199,7 @@ class TestMemory:
         monkeypatch.setattr("sonarmap.tools.files.memory.os.sysconf", missing)
         assert available_memory() == 4 << 30
 
-    def test_what_fits_is_taken_and_more_is_not(self) -> None:
+    def test_only_more_than_the_memory_is_refused(self) -> None:
         available = available_memory()
         assert 2**27 < available < 2**50
         require_memory("a thing", available // 2, "take less")

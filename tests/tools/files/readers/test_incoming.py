@@ -70,7 +70,7 @@ def require_same(came: Sequence[Incoming], scans: Sequence[Scan]) -> None:
         np.testing.assert_array_equal(each.scan.points, expected.points)
 
 
-def test_a_recording_that_grows_gives_each_scan_once_and_goes_on_from_every_mark(tmp_path: Path) -> None:
+def test_a_growing_recording_gives_each_scan_once_and_continues_from_every_mark(tmp_path: Path) -> None:
     packets, path = list(recording(5)), put(tmp_path / "dive.sonar", b"")
     whole = content(packets)
     cuts = [0, 3, len(packets[0].content), 2000, 2001, len(whole) - 7, len(whole)]
@@ -206,7 +206,7 @@ class TestMcap:
         write_mcap(path, records, chunk_size=1000)
         return path.read_bytes()
 
-    def test_that_grows_gives_each_scan_once_and_goes_on_from_every_mark(self, tmp_path: Path, whole: bytes) -> None:
+    def test_a_growing_file_gives_each_scan_once_from_every_mark(self, tmp_path: Path, whole: bytes) -> None:
         path, pieces = tmp_path / "grows.mcap", np.linspace(0, len(whole), 8).astype(int)
 
         def again(after: Mark) -> list[Incoming]:
@@ -220,7 +220,7 @@ class TestMcap:
         for k, each in enumerate(came):
             assert [after.scan.name for after in again(each.behind)] == [f"grows#{n}" for n in range(k + 1, 12)]
 
-    def test_in_the_folder_of_a_bag_that_ends_meanwhile(self, tmp_path: Path, whole: bytes) -> None:
+    def test_a_growing_file_of_a_bag_is_read_to_its_end(self, tmp_path: Path, whole: bytes) -> None:
         folder = tmp_path / "bag"
         folder.mkdir()
         path, half = folder / "bag_0.mcap", len(whole) // 2
@@ -233,7 +233,7 @@ class TestMcap:
         assert [each.scan.name for each in came] == [f"bag_0#{k}" for k in range(12)]
 
 
-def test_what_came_before_it_ended_is_read(tmp_path: Path) -> None:
+def test_scans_written_before_the_end_are_read(tmp_path: Path) -> None:
     path = put(tmp_path / "dive.sonar", b"")
 
     def write_and_end() -> bool:
@@ -263,7 +263,7 @@ def test_a_replay_ends_when_it_is_asked_to(tmp_path: Path, clock: SimpleNamespac
     assert len(came) == 3
 
 
-def test_within_a_file_of_several_scans_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reading_continues_within_a_file_of_several_scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scans = [Scan(scan(k)[:60], stamp=float(k)) for k in range(4)]
     monkeypatch.setattr(module, "_read", lambda *_: scans)
     put(tmp_path / "dive.ply", b"7")

@@ -28,7 +28,7 @@ def sample() -> Trajectory:
     return Trajectory(1_763_700_000 + np.cumsum(rng.integers(1, 10**7, 50)) * 1e-6, T)
 
 
-def test_round_trip(tmp_path):
+def test_a_tum_trajectory_is_read_back_exactly(tmp_path):
     trajectory, path = sample(), tmp_path / "a.tum"
     write_tum(path, trajectory)
     again = read_tum(path)
@@ -89,7 +89,7 @@ GRAPH_FAULTS = (
         *((read_g2o, "\n".join([*lines, ""]), words) for lines, words in GRAPH_FAULTS),
     ],
 )
-def test_faults_name_their_line(tmp_path, read, text, words):
+def test_invalid_lines_are_refused_with_their_number(tmp_path, read, text, words):
     (tmp_path / "bad.txt").write_text(text)
     with pytest.raises(InputError, match=words) as error:
         read(tmp_path / "bad.txt")
@@ -97,7 +97,7 @@ def test_faults_name_their_line(tmp_path, read, text, words):
 
 
 @pytest.mark.parametrize("read", [read_tum, read_kitti, read_g2o])
-def test_empty_cut_and_missing_files(read, tmp_path):
+def test_empty_cut_missing_and_binary_files_are_refused(read, tmp_path):
     (tmp_path / "empty").write_text("")
     (tmp_path / "cut").write_text("0 1 2 3 0 0 0 1")
     (tmp_path / "binary").write_bytes(bytes(range(256)) + b"\n")
@@ -105,7 +105,7 @@ def test_empty_cut_and_missing_files(read, tmp_path):
         refuses(name, read, tmp_path / name)
 
 
-def test_json_has_no_nan_and_no_numpy():
+def test_to_json_replaces_nan_and_types_of_numpy():
     @dataclass
     class Point:
         x: float
@@ -124,7 +124,7 @@ def test_json_has_no_nan_and_no_numpy():
         to_json(object())
 
 
-def test_pairs_of_gt_log_in_order_with_or_without_a_third_number(tmp_path: Path) -> None:
+def test_pairs_of_a_gt_log_are_read_in_order_with_or_without_a_third_number(tmp_path: Path) -> None:
     (tmp_path / "gt.log").write_text(TWO)
     pairs = read_gt_log(tmp_path / "gt.log")
     assert [(pair.i, pair.j, pair.line) for pair in pairs] == [(3, 7, 1), (7, 12, 7)]
@@ -156,7 +156,7 @@ def sample_graph(seed: int = 0) -> PoseGraph:
     return PoseGraph(Trajectory(np.arange(7.0), T), edges, fixed=(2,))
 
 
-def test_graphs_come_back(tmp_path):
+def test_a_g2o_graph_is_read_back(tmp_path):
     graph = sample_graph()
     write_g2o(tmp_path / "a.g2o", graph)
     again = read_g2o(tmp_path / "a.g2o")
@@ -172,7 +172,7 @@ def test_graphs_come_back(tmp_path):
         np.testing.assert_allclose(a.covariance, b.covariance, atol=1e-12 * np.abs(b.covariance).max())
 
 
-def test_gtsam_reads_the_same_noise(tmp_path):
+def test_gtsam_reads_the_same_poses_and_noise(tmp_path):
     """Coupled, uneven noise: a swapped or transposed block would show."""
     graph = sample_graph(1)
     write_g2o(tmp_path / "a.g2o", graph)
@@ -194,7 +194,7 @@ def test_gtsam_reads_the_same_noise(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(KNOWN))
 @pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
-def test_public_graphs(name, tmp_path):
+def test_public_graphs_reach_the_costs_of_gtsam(name, tmp_path):
     poses, edges, before, after = KNOWN[name]
     graph = read_g2o(GRAPHS / f"{name}.g2o")
     assert (len(graph.trajectory), len(graph.edges)) == (poses, edges)
@@ -216,7 +216,7 @@ def test_quaternions_are_normalized_and_vertices_sorted(tmp_path):
     assert (graph.edges[0].i, graph.edges[0].j, graph.edges[0].kind) == (0, 1, "sequential")
 
 
-def test_priors_cannot_be_written(tmp_path):
+def test_a_graph_with_priors_is_not_written(tmp_path):
     T = RigidTransform.identity(1)
     graph = PoseGraph(Trajectory(np.zeros(1), T), (edge(0, 0, T[0], np.eye(6), "prior"),))
     refuses("prior", write_g2o, tmp_path / "a.g2o", graph)

@@ -81,13 +81,13 @@ def test_integers_and_other_floats_are_coordinates_too(tmp_path, kind):
     np.testing.assert_array_equal(scan.points, whole)
 
 
-def test_bytes_after_the_last_point_are_told(tmp_path):
+def test_bytes_after_the_last_point_are_noted(tmp_path):
     for name, content in {"a.ply": ply(), "b.pcd": pcd("binary"), "c.pcd": pcd("binary_compressed")}.items():
         (note,) = read_scans([put(tmp_path / name, content + b"\n\n")]).notes
         assert note.startswith(f"{name}: ignored 2 bytes")
 
 
-def test_points_that_are_not_finite_are_dropped_counted_and_told(tmp_path):
+def test_points_that_are_not_finite_are_dropped_and_counted(tmp_path):
     table = np.repeat(TABLE, 1000, axis=0)
     table[3, 1] = np.nan
     table[17, 0] = np.inf
@@ -98,7 +98,7 @@ def test_points_that_are_not_finite_are_dropped_counted_and_told(tmp_path):
     np.testing.assert_array_equal(read.scans[0].strength, np.delete(table, [3, 17, 18], axis=0)[:, 3])
 
 
-def test_strengths_that_mean_nothing_become_zero_and_are_told(tmp_path):
+def test_invalid_strengths_become_zero_and_are_noted(tmp_path):
     table = TABLE.astype(np.float64)
     table[:4, 3] = [-1.0, np.nan, np.inf, 1e300]
     read = read_scans([put(tmp_path / "scan.npy", npy(table))])
@@ -116,7 +116,7 @@ def put_las(folder: Path, content: bytes, name: str = "a.laz") -> Path:
 
 @pytest.mark.parametrize("compressed", [False, True])
 @pytest.mark.parametrize(("form", "version"), [(0, "1.2"), (1, "1.2"), (3, "1.3"), (6, "1.4"), (7, "1.4"), (8, "1.4")])
-def test_points_and_intensity_of_every_form(tmp_path: Path, form: int, version: str, compressed: bool) -> None:
+def test_points_and_intensity_of_las_are_read(tmp_path: Path, form: int, version: str, compressed: bool) -> None:
     path = put_las(tmp_path, las(form=form, version=version, compressed=compressed), "a.laz" if compressed else "a.las")
     read = read_scans([path])
     np.testing.assert_array_equal(read.scans[0].points, POINTS)
@@ -124,7 +124,7 @@ def test_points_and_intensity_of_every_form(tmp_path: Path, form: int, version: 
     assert (read.scans[0].name, read.notes) == ("a", ())
 
 
-def test_several_chunks(tmp_path: Path) -> None:
+def test_las_files_of_several_chunks_are_read(tmp_path: Path) -> None:
     """laspy divides points into chunks of 50,000."""
     rng = np.random.default_rng(3)
     table = np.hstack([rng.integers(-9000, 9000, (120_000, 3)) / 1024, rng.integers(0, 60_000, (120_000, 1))])
@@ -155,7 +155,7 @@ class TestTimes:
         np.testing.assert_allclose(np.asarray(scan.viewpoints), expected, atol=1e-6)
 
 
-def test_viewpoints_as_extra_dimensions(tmp_path: Path) -> None:
+def test_extra_dimensions_of_las_are_viewpoints(tmp_path: Path) -> None:
     places = {name: np.arange(5) * scale for name, scale in (("vp_x", 1.0), ("vp_y", -2.0), ("vp_z", 0.5))}
     scan = read_scan(put_las(tmp_path, las(extra=places)))
     np.testing.assert_array_equal(scan.viewpoints, np.column_stack(list(places.values())))
@@ -189,15 +189,15 @@ class TestHostileHeaders:
 
     @pytest.mark.parametrize("compressed", [False, True])
     @pytest.mark.parametrize("count", [6, 2**63])
-    def test_more_points_than_there_are(self, tmp_path: Path, compressed: bool, count: int) -> None:
+    def test_a_las_header_with_too_many_points_is_refused(self, tmp_path: Path, compressed: bool, count: int) -> None:
         self.refused(tmp_path, "a.laz", "<Q", COUNT, count, compressed)
 
     @pytest.mark.parametrize("place", [START, RECORDS])
     @pytest.mark.parametrize("number", [9, 2**32 - 1])
-    def test_records_and_offsets_without_end(self, tmp_path: Path, place: int, number: int) -> None:
+    def test_impossible_offsets_in_a_las_header_are_refused(self, tmp_path: Path, place: int, number: int) -> None:
         self.refused(tmp_path, "a.laz", "<I", place, number)
 
-    def test_layers_and_chunks_without_end(self, tmp_path: Path) -> None:
+    def test_impossible_sizes_of_layers_and_chunks_are_refused(self, tmp_path: Path) -> None:
         """The process that unpacks them is bounded, or ends."""
         (start,) = struct.unpack_from("<I", las(), START)
         (table,) = struct.unpack_from("<q", las(), start)

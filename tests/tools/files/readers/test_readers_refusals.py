@@ -40,7 +40,7 @@ COUNTED = {name: (".ply", SAMPLES[name][1], [b"vertex"]) for name in NAMES if na
 
 @pytest.mark.parametrize("count", [20, 10**17, -5])
 @pytest.mark.parametrize("kind", COUNTED)
-def test_more_points_than_there_are_or_fewer_than_none(tmp_path, kind, count):
+def test_a_wrong_number_of_points_in_the_header_is_refused(tmp_path, kind, count):
     suffix, content, words = COUNTED[kind]
     for word in words:
         content = content.replace(b"%s 5" % word, b"%s %d" % (word, count))
@@ -48,7 +48,7 @@ def test_more_points_than_there_are_or_fewer_than_none(tmp_path, kind, count):
 
 
 @pytest.mark.parametrize("shape", ["(6, 4)", "(1000000000000, 3)", "(1000000000000, 1000000000000)", "(-5, 4)"])
-def test_an_npy_that_promises_more_than_it_holds(tmp_path, shape):
+def test_an_npy_with_a_wrong_shape_in_its_header_is_refused(tmp_path, shape):
     content = npy(TABLE).replace(b"(5, 4), }" + b" " * (len(shape) - 6), b"%s, }" % shape.encode())
     refused(tmp_path, ".npy", content, "promises" if shape[1] != "-" else "shape")
 
@@ -62,7 +62,7 @@ def zipped(member: bytes) -> bytes:
 
 
 @pytest.mark.slow
-def test_an_npz_that_lies_about_its_size_is_not_unpacked(tmp_path):
+def test_an_npz_with_a_wrong_size_in_its_header_is_not_unpacked(tmp_path):
     lying = npy(POINTS).replace(b"(5, 3), }        ", b"(1000000000, 3), }")
     refused(tmp_path, ".npz", zipped(lying), r"'points.npy'.*promises")
     body = npy(np.zeros((6_000_000, 3), np.float32))
@@ -105,7 +105,7 @@ def test_an_npz_that_lies_about_its_size_is_not_unpacked(tmp_path):
         (".csv", text().decode().encode("utf-16"), "binary content|UTF-8"),
     ],
 )
-def test_a_file_that_is_no_scan_is_refused(tmp_path, suffix, content, said):
+def test_invalid_scans_are_refused_with_the_reason(tmp_path, suffix, content, said):
     refused(tmp_path, suffix, content, said)
 
 
@@ -121,7 +121,7 @@ def test_map_coordinates_are_refused_with_advice(tmp_path, far):
 
 
 @pytest.mark.parametrize("suffix", sorted(FORMATS))
-def test_a_file_by_a_wrong_name_is_refused_with_what_it_is(tmp_path, suffix):
+def test_a_file_with_a_wrong_suffix_is_refused_with_its_format(tmp_path, suffix):
     for right, content in {suffix: (suffix, content) for suffix, content in SAMPLES.values()}.values():
         if FORMATS[suffix].kind != FORMATS[right].kind:
             refused(tmp_path, suffix, content, f"holds {re.escape(FORMATS[right].kind)}.*rename it")

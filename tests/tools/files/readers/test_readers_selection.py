@@ -15,7 +15,7 @@ from tests.samples.cloud_files import POINTS, npz, put
 from tests.samples.refusals import refuses
 
 
-def test_a_folder_is_read_in_natural_order_and_strangers_are_passed_over(tmp_path):
+def test_a_folder_is_read_in_natural_order_and_other_files_are_ignored(tmp_path):
     for index in (10, 2, 1, 33):
         put(tmp_path / f"scan{index}.xyz", f"{index} 2 3\n".encode())
     put(tmp_path / "notes.md", b"no scan")
@@ -104,7 +104,7 @@ def test_a_file_named_by_two_paths_is_read_once(tmp_path, monkeypatch):
         ("pipe.ply", "not a regular file"),
     ],
 )
-def test_paths_that_lead_nowhere(tmp_path, name, said):
+def test_unusable_paths_are_refused(tmp_path, name, said):
     os.mkfifo(tmp_path / "pipe.ply")
     for kind in ("cloud.e57", "nosuffix", "truth.tum", "good.xyz"):
         put(tmp_path / kind, b"1 2 3\n")
@@ -159,14 +159,14 @@ def scans(*sizes: float) -> list[Scan]:
         ((5, 0.07, 6, 9), 1, "the others were in centimeters"),
     ],
 )
-def test_names_the_unit(sizes: tuple[float, ...], strange: int, words: str) -> None:
+def test_scans_in_another_unit_are_named_with_it(sizes: tuple[float, ...], strange: int, words: str) -> None:
     named = strange_sizes(scans(*sizes))
     assert list(named) == [strange]
     assert words in named[strange]
     assert "--units" in named[strange]
 
 
-def test_it_is_a_gap_in_a_survey(tmp_path: Path) -> None:
+def test_a_scan_in_another_unit_leaves_a_gap(tmp_path: Path) -> None:
     for k, one in enumerate(scans(5, 7, 6000, 4)):
         np.save(tmp_path / f"scan_{k}.npy", one.points)
     read = read_survey([tmp_path])
@@ -190,7 +190,7 @@ def test_only_exactly_the_same_points_are_a_copy() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(5, 5000), (1, 40, 9), (3,), (2, 2, 2), (0.0, 0.0, 0.0)])
-def test_leaves_others_alone(sizes: tuple[float, ...]) -> None:
+def test_scans_of_similar_or_unclear_sizes_are_kept(sizes: tuple[float, ...]) -> None:
     assert not strange_sizes(scans(*sizes))
 
 

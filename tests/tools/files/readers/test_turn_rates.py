@@ -37,7 +37,7 @@ def imu(topic: str = "/imu", frame: str = "imu_link", count: int = 3) -> list[Re
 
 
 @pytest.mark.parametrize("writer", ["ros1", "mcap", "sqlite"])
-def test_every_kind_of_recording_has_them(tmp_path: Path, writer: str) -> None:
+def test_turn_rates_are_read_from_every_kind_of_recording(tmp_path: Path, writer: str) -> None:
     """Beside clouds and an IMU with fewer messages; a bag of several files is read by its files."""
     records = [("/p", CLOUD, STAMP - 1.0, cloud()), *imu("/other", count=2), *imu()]
     path = WRITERS[writer](tmp_path, records)
@@ -49,7 +49,7 @@ def test_every_kind_of_recording_has_them(tmp_path: Path, writer: str) -> None:
     assert turn_rates_of(read.files, read.scans) is None  # without times
 
 
-def test_axes_are_those_of_the_clouds(tmp_path: Path) -> None:
+def test_turn_rates_are_about_the_axes_of_the_clouds(tmp_path: Path) -> None:
     """By tf_static, a quarter turn to port; or by the frame's name."""
     x, y, z = RATES.T
     links = transforms((0.0, "base_link", "imu_link", (3, -0.5, -0.25), (0, 0, HALF, HALF)))
@@ -59,7 +59,7 @@ def test_axes_are_those_of_the_clouds(tmp_path: Path) -> None:
     np.testing.assert_allclose(recorded_turn_rates(named)[1], np.column_stack([x, -y, -z]), atol=1e-12)
 
 
-def test_recordings_of_a_sonar_and_those_without_an_imu(tmp_path: Path) -> None:
+def test_turn_rates_of_a_sonar_are_read_and_recordings_without_an_imu_refused(tmp_path: Path) -> None:
     sonar = tmp_path / "dive.sonar"
     sonar.write_bytes(b"".join(imu_packets(1.0, lambda _: np.array([0, 0, -9.81]), np.array([0.1, 0.2, -0.3]))))
     bare = write_mcap(tmp_path / "bare.mcap", [("/p", CLOUD, 1.0, cloud())])
@@ -73,7 +73,7 @@ def test_recordings_of_a_sonar_and_those_without_an_imu(tmp_path: Path) -> None:
     np.testing.assert_allclose(known.rates, np.tile([0.1, -0.2, 0.3], (100, 1)), atol=1e-7)
 
 
-def test_a_map_of_clouds_with_times_has_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_of_clouds_with_times_uses_turn_rates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From Python and the command line; without the recording's own IMU it has none."""
     names = ("x", "y", "z", "intensity", "t")
     table = np.column_stack([TABLE, np.linspace(0.0, 0.5, len(TABLE))])

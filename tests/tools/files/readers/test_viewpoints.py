@@ -26,14 +26,14 @@ def timed(path: Path, name: str = "time", times: np.ndarray = TIMES, trajectory:
 
 
 class TestFields:
-    def test_what_is_written_is_read_again(self, tmp_path: Path) -> None:
+    def test_written_viewpoints_are_read_back(self, tmp_path: Path) -> None:
         write_ply(tmp_path / "scan.ply", POINTS, columns_of(SCAN))
         again = read_scan(tmp_path / "scan.ply")
         np.testing.assert_array_equal(again.viewpoints, VIEWPOINTS)
         np.testing.assert_array_equal(again.points, POINTS)
         np.testing.assert_array_equal(again.strength, STRENGTH)
 
-    def test_text_and_npz(self, tmp_path: Path) -> None:
+    def test_viewpoints_of_text_and_npz_are_read(self, tmp_path: Path) -> None:
         rows = np.hstack([VIEWPOINTS, POINTS])
         np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="VP_X,vp_y,vp_z,x,y,z", comments="")
         (tmp_path / "b.npz").write_bytes(npz(points=POINTS, viewpoints=VIEWPOINTS.astype(np.float64)))
@@ -59,25 +59,25 @@ class TestFields:
             ({"viewpoints": VIEWPOINTS * 1e5}, "3 of 5 viewpoints lie beyond 100 km"),
         ],
     )
-    def test_those_that_cannot_be_used(self, tmp_path: Path, arrays: dict, message: str) -> None:
+    def test_invalid_viewpoints_are_refused(self, tmp_path: Path, arrays: dict, message: str) -> None:
         (tmp_path / "a.npz").write_bytes(npz(points=POINTS, **arrays))
         refuses(message, read_scan, tmp_path / "a.npz")
 
-    def test_two_coordinates_of_three(self, tmp_path: Path) -> None:
+    def test_two_coordinates_of_three_are_refused(self, tmp_path: Path) -> None:
         write_ply(tmp_path / "a.ply", POINTS, {"vp_x": TIMES, "vp_z": TIMES})
         refuses("only vp_x and vp_z; a viewpoint needs all three", read_scan, tmp_path / "a.ply")
 
 
 class TestTrajectoryBeside:
     @pytest.mark.parametrize("name", ["time", "t", "timestamp", "gps_time", "scalar_GpsTime"])
-    def test_positions_between_poses(self, tmp_path: Path, name: str) -> None:
+    def test_viewpoints_are_interpolated_between_poses(self, tmp_path: Path, name: str) -> None:
         scan = read_scan(timed(tmp_path / "a.ply", name))
         np.testing.assert_array_equal(scan.viewpoints, SEEN_FROM)
         np.testing.assert_array_equal(scan.points, POINTS)
         (tmp_path / "a.npz").write_bytes(npz(points=POINTS, times=TIMES))
         np.testing.assert_array_equal(read_scan(tmp_path / "a.npz").viewpoints, SEEN_FROM)
 
-    def test_fields_win_points_without_time_stay_and_notes_say_so(self, tmp_path: Path) -> None:
+    def test_a_trajectory_is_not_used_beside_viewpoints_or_without_times(self, tmp_path: Path) -> None:
         write_ply(tmp_path / "a.ply", POINTS, {"time": TIMES, **columns_of(SCAN)})
         (tmp_path / "a.tum").write_text(TRAJECTORY)
         read = read_scans([tmp_path / "a.ply"])
@@ -89,11 +89,11 @@ class TestTrajectoryBeside:
         assert "a.tum is not used: the points have no time (a field gps_time or" in read.notes[0]
 
     @pytest.mark.parametrize("wrong", [-0.001, 4.001, np.nan])
-    def test_points_outside_of_its_time(self, tmp_path: Path, wrong: float) -> None:
+    def test_points_outside_of_the_trajectory_are_refused(self, tmp_path: Path, wrong: float) -> None:
         path = timed(tmp_path / "a.ply", times=np.where(TIMES == 2.5, wrong, TIMES))
         refuses(r"a\.ply: 1 of 5 points have times outside of a\.tum .* one clock", read_scan, path)
 
-    def test_times_too_coarse(self, tmp_path: Path) -> None:
+    def test_coarse_times_are_refused(self, tmp_path: Path) -> None:
         path = timed(tmp_path / "a.ply", times=(TIMES + 1.7e9).astype(np.float32))
         refuses(r"float32, too coarse .* write them as float64", read_scan, path)
 
@@ -104,7 +104,7 @@ class TestTrajectoryBeside:
             ("0 1 2 3\n", "line 1 has 4 columns"),
         ],
     )
-    def test_a_trajectory_that_cannot_be_used(self, tmp_path: Path, trajectory: str, message: str) -> None:
+    def test_an_invalid_trajectory_is_refused(self, tmp_path: Path, trajectory: str, message: str) -> None:
         refuses(message, read_scan, timed(tmp_path / "a.ply", trajectory=trajectory))
 
 
@@ -115,12 +115,12 @@ class TestViewpointOfPcd:
         return put(path, pcd(encoding).replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode()))
 
     @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
-    def test_it_is_where_the_sensor_was(self, tmp_path: Path, encoding: str) -> None:
+    def test_the_viewpoint_line_is_the_position_of_the_sensor(self, tmp_path: Path, encoding: str) -> None:
         scan = read_scan(self.put(tmp_path / "a.pcd", "5 -2.5 1e-1 0.6 0 0 0.8", encoding))
         np.testing.assert_array_equal(scan.points, POINTS)
         np.testing.assert_array_equal(scan.viewpoints, np.tile(np.array([5, -2.5, 0.1], np.float32), (5, 1)))
 
-    def test_fields_of_the_points_win(self, tmp_path: Path) -> None:
+    def test_fields_of_the_points_are_preferred(self, tmp_path: Path) -> None:
         head = (
             f"VERSION 0.7\nFIELDS x y z vp_x vp_y vp_z\nSIZE{' 4' * 6}\nTYPE{' F' * 6}\nWIDTH {len(POINTS)}\nHEIGHT 1\n"
         )
@@ -135,6 +135,6 @@ class TestViewpointOfPcd:
         assert (read.scans[0].viewpoints, read.notes) == (None, ())
 
     @pytest.mark.parametrize("line", ["1 2 3", "1 2 3 1 0 0 x", "1 2 nan 1 0 0 0", "1 2 3 1 0 0 0 0"])
-    def test_lines_that_are_none(self, tmp_path: Path, line: str) -> None:
+    def test_invalid_viewpoint_lines_are_refused(self, tmp_path: Path, line: str) -> None:
         path = self.put(tmp_path / "a.pcd", line)
         refuses(r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a qua", read_scan, path)

@@ -18,7 +18,7 @@ def put(path: Path, text: str) -> None:
         temporary.write_text(text)
 
 
-def test_a_block_inside_another_is_a_part_of_it(tmp_path: Path) -> None:
+def test_an_inner_block_writes_its_files_with_the_outer_one(tmp_path: Path) -> None:
     with all_or_none() as written:
         put(tmp_path / "a", "1")
         with all_or_none():
@@ -30,7 +30,7 @@ def test_a_block_inside_another_is_a_part_of_it(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"a", "b"}
 
 
-def test_what_an_inner_block_wrote_goes_with_the_outer(tmp_path: Path) -> None:
+def test_files_of_an_inner_block_are_removed_if_the_outer_one_fails(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), all_or_none():  # noqa: PT012
         with all_or_none():
             put(tmp_path / "a", "1")
@@ -52,7 +52,7 @@ def test_files_have_the_permissions_of_any_new_file_and_the_process_keeps_its_ma
         set_mask(before)
 
 
-def test_leftovers_are_removed_and_what_a_link_among_them_leads_to_is_kept(tmp_path: Path) -> None:
+def test_leftovers_are_removed_but_not_the_target_of_a_link(tmp_path: Path) -> None:
     out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
     (out / ".sonarmap.scans.x1").mkdir(parents=True)
     (out / ".sonarmap.scans.x1" / "0.npz").write_text("")
@@ -66,7 +66,7 @@ def test_leftovers_are_removed_and_what_a_link_among_them_leads_to_is_kept(tmp_p
 
 
 @pytest.mark.parametrize("writing", [False, True])
-def test_who_writes_alone_in_a_folder_removes_what_killed_runs_left(tmp_path: Path, writing: bool) -> None:
+def test_only_a_writer_that_is_alone_removes_leftovers_of_killed_runs(tmp_path: Path, writing: bool) -> None:
     (tmp_path / ".sonarmap.1.laz").write_text("half")
     with locked(tmp_path, writing=False), pytest.raises(InputError, match="is in use"), locked(tmp_path, writing=True):
         pass
@@ -86,7 +86,7 @@ with locked(Path(sys.argv[1]), writing=True):
 
 
 @pytest.mark.parametrize(("held", "asked", "free"), [(0, 0, True), (0, 1, False), (1, 0, False), (1, 1, False)])
-def test_readers_share_and_a_writer_is_alone(tmp_path: Path, held: int, asked: int, free: bool) -> None:
+def test_readers_share_a_folder_and_a_writer_locks_it(tmp_path: Path, held: int, asked: int, free: bool) -> None:
     def refusal() -> str:
         try:
             with locked(tmp_path, writing=bool(asked)):
@@ -104,7 +104,7 @@ def test_readers_share_and_a_writer_is_alone(tmp_path: Path, held: int, asked: i
     assert not list(tmp_path.iterdir())
 
 
-def test_another_process_holds_it_until_it_ends_however_it_ends(tmp_path: Path) -> None:
+def test_a_lock_ends_with_its_process_even_if_that_is_killed(tmp_path: Path) -> None:
     command = [sys.executable, "-c", HOLD, str(tmp_path)]
     with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
@@ -116,7 +116,7 @@ def test_another_process_holds_it_until_it_ends_however_it_ends(tmp_path: Path) 
         pass
 
 
-def test_what_is_no_folder_is_not_locked_and_not_waited_for(tmp_path: Path) -> None:
+def test_files_pipes_and_missing_folders_are_not_locked(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     os.mkfifo(tmp_path / "fifo")
     for path in (tmp_path / "missing", tmp_path / "file", tmp_path / "fifo"):
@@ -124,7 +124,7 @@ def test_what_is_no_folder_is_not_locked_and_not_waited_for(tmp_path: Path) -> N
             pass
 
 
-def test_a_file_system_without_locks_is_used_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_system_without_locks_is_used_without_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def none_here(*_: object) -> None:
         raise OSError(95, "Operation not supported")
 

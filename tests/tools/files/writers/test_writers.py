@@ -32,7 +32,7 @@ def cloud(count: int, seed: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]
 
 
 @pytest.mark.parametrize("count", [1, 1000])
-def test_points_and_strength_come_back_bit_by_bit(tmp_path, count):
+def test_points_and_strength_of_a_ply_are_read_back_exactly(tmp_path, count):
     points, columns = cloud(count)
     path = tmp_path / "new" / "map.ply"
     write_ply(path, points, columns)
@@ -74,7 +74,7 @@ def test_columns_that_no_header_can_hold_are_refused(tmp_path, columns, said):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_failed_write_keeps_what_was_there(tmp_path, monkeypatch):
+def test_a_failed_write_keeps_the_earlier_file(tmp_path, monkeypatch):
     path = tmp_path / "map.ply"
     write_ply(path, cloud(5)[0])
     before = path.read_bytes()
@@ -101,7 +101,7 @@ def drawn(count: int) -> list[str]:
     return ["".join(rng.choices("=+-@'\t\r\n ;,\"#1a_\udce9\uff0b", k=rng.randint(0, 6))) for _ in range(count)]
 
 
-def test_no_cell_is_a_formula_and_a_text_is_read_as_it_was(tmp_path: Path) -> None:
+def test_no_cell_is_a_formula_and_texts_are_read_back(tmp_path: Path) -> None:
     """Neither where cells end at commas nor where they end at semicolons or tabs too."""
     texts = [*NAMES, *drawn(3000)]
     write_table(tmp_path / "a.csv", ["name", "n"], ([text, 1] for text in texts))
@@ -113,14 +113,14 @@ def test_no_cell_is_a_formula_and_a_text_is_read_as_it_was(tmp_path: Path) -> No
     assert [row.cells[0] for row in read_csv_table(tmp_path / "a.csv").rows] == [plain_text(text) for text in texts]
 
 
-def test_a_template_names_the_scans_it_was_made_of(tmp_path: Path) -> None:
+def test_names_in_a_template_are_matched_to_their_scans(tmp_path: Path) -> None:
     scans = [Scan(np.ones((1, 3), np.float32), stamp=float(k), name=name) for k, name in enumerate(NAMES)]
     write_template(tmp_path / "a.csv", NAMES, [scan.stamp for scan in scans])
     rows = read_csv_table(tmp_path / "a.csv").rows
     assert [named_scan(scans, row.cells[0], "a row") for row in rows] == list(range(len(NAMES)))
 
 
-def test_the_report_s_files_are_written_likewise(tmp_path: Path) -> None:
+def test_the_report_writes_the_same_csv_as_python(tmp_path: Path) -> None:
     if (node := shutil.which("node")) is None:
         pytest.skip("no Node.js is installed: apt-get install nodejs")
     texts = [text.encode("utf-8", "backslashreplace").decode() for text in (*NAMES, *drawn(1000))]
@@ -135,7 +135,7 @@ def test_the_report_s_files_are_written_likewise(tmp_path: Path) -> None:
     assert rest == (tmp_path / "a.csv").read_text(encoding="utf-8")
 
 
-def test_columns_take_a_type_that_the_format_has(tmp_path):
+def test_columns_are_stored_in_types_of_the_format(tmp_path):
     points, _ = cloud(3)
     columns = {
         "wide": np.array([1, -2, 3], np.int64),

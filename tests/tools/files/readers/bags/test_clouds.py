@@ -48,7 +48,7 @@ def test_every_kind_of_recording_gives_the_same_scans(tmp_path: Path, writer: st
 
 
 @pytest.mark.parametrize("writer", ["ros1", "mcap", "sqlite"])
-def test_messages_are_read_one_by_one(tmp_path: Path, writer: str) -> None:
+def test_messages_are_streamed_in_little_memory(tmp_path: Path, writer: str) -> None:
     """40 clouds of 1 MB each."""
     large = np.tile(TABLE, (7000, 1))
     path = WRITERS[writer](tmp_path, [("/p", CLOUD, float(k), cloud(large, k + 1.0)) for k in range(40)])
@@ -64,14 +64,14 @@ class TestLayouts:
     @pytest.mark.parametrize("writer", ["ros1", "mcap"])
     @pytest.mark.parametrize("big", [False, True])
     @pytest.mark.parametrize(("rows", "padding"), [(1, 0), (5, 7), (5, 0)])
-    def test_rows_padding_and_byte_order(self, tmp_path, writer, big, rows, padding) -> None:
+    def test_rows_padding_and_byte_order_are_read(self, tmp_path, writer, big, rows, padding) -> None:
         scan = read_scan(WRITERS[writer](tmp_path, single(cloud(rows=rows, padding=padding, big=big))))
         np.testing.assert_array_equal(scan.points, POINTS)
         np.testing.assert_array_equal(scan.strength, STRENGTH)
 
     @pytest.mark.parametrize("big", [False, True])
     @pytest.mark.parametrize("dtype", ["i1", "u2", "i4", "f8"])
-    def test_fields_of_every_type(self, tmp_path: Path, dtype: str, big: bool) -> None:
+    def test_fields_of_every_type_are_read(self, tmp_path: Path, dtype: str, big: bool) -> None:
         table = np.array([[1, 2, 3, 4], [50, 60, 70, 80]], np.float32) * (-1 if dtype[0] != "u" else 1)
         table[:, 3] = [9, 10]
         fields = [(name, dtype, 9 * k + 1) for k, name in enumerate(("x", "y", "z", "intensity"))]
@@ -96,7 +96,7 @@ class TestLayouts:
         assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
         assert read.notes == ("dive.mcap: 1 of 3 scans were skipped, as they have no points: #1",)
 
-    def test_headers_without_a_stamp(self, tmp_path: Path) -> None:
+    def test_the_time_of_recording_replaces_a_missing_stamp(self, tmp_path: Path) -> None:
         records = [("/p", CLOUD, 7.5 + k, cloud(stamp=0)) for k in range(2)]
         read = read_scans([write_mcap(tmp_path / "a.mcap", records)])
         assert [scan.stamp for scan in read.scans] == [7.5, 8.5]
@@ -114,7 +114,7 @@ class TestLayouts:
             ({"fields": [field | {"datatype": 9} for field in cloud()["fields"]]}, "field x has an unknown data type"),
         ],
     )
-    def test_messages_that_contradict_themselves(self, tmp_path: Path, change: dict, words: str) -> None:
+    def test_contradictory_messages_are_refused(self, tmp_path: Path, change: dict, words: str) -> None:
         path = write_mcap(tmp_path / "a.mcap", single(cloud() | change))
         refuses(rf"a\.mcap: message 0 of /p: .*{words}", read_scan, path)
 
@@ -150,7 +150,7 @@ class TestTopics:
     def two(folder: Path) -> Path:
         return write_ros2(folder / "dive", dive("/port/points") + dive("/starboard/points")[:2])
 
-    def test_of_several_one_has_to_be_named(self, tmp_path: Path) -> None:
+    def test_one_of_several_topics_has_to_be_named(self, tmp_path: Path) -> None:
         path = self.two(tmp_path)
         words = (
             f"{path}: it has 2 topics of {CLOUD} or foxglove.PointCloud: /port/points (3 of {CLOUD}), "
@@ -158,7 +158,7 @@ class TestTopics:
         )
         refuses(f"^{re.escape(words)}$", read_scans, [path])
 
-    def test_topics_and_their_scans_behind_the_path(self, tmp_path: Path) -> None:
+    def test_topics_and_scans_are_chosen_behind_the_path(self, tmp_path: Path) -> None:
         path = self.two(tmp_path)
         for name, count in (("/port/points", 3), ("starboard/points", 2)):
             assert [scan.name for scan in read_scans([f"{path}::{name}"]).scans] == [f"dive#{k}" for k in range(count)]
@@ -176,12 +176,12 @@ class TestTopics:
             ("/chatter", "its topic /chatter has 1 messages of type std_msgs/msg/Header; wanted sensor_msgs/"),
         ],
     )
-    def test_topics_that_are_none(self, tmp_path: Path, topic: str, words: str) -> None:
+    def test_unknown_topics_and_topics_without_clouds_are_refused(self, tmp_path: Path, topic: str, words: str) -> None:
         path = write_mcap(tmp_path / "a.mcap", [CHATTER, *dive()])
         assert len(read_scans([path]).scans) == 3
         refuses(re.escape(words), read_scans, [f"{path}::{topic}"])
 
-    def test_recordings_without_clouds_and_files_without_topics(self, tmp_path: Path) -> None:
+    def test_recordings_without_clouds_and_topics_of_other_files_are_refused(self, tmp_path: Path) -> None:
         words = r"no messages of type sensor_msgs/msg/PointCloud2 or .* are /chatter"
         refuses(words, read_scans, [write_ros1(tmp_path / "a.bag", [CHATTER])])
         (tmp_path / "a.xyz").write_text("1 2 3\n")
@@ -189,13 +189,13 @@ class TestTopics:
 
 
 class TestFolders:
-    def test_a_bag_is_one_input_among_others(self, tmp_path: Path) -> None:
+    def test_a_bag_is_read_among_other_files(self, tmp_path: Path) -> None:
         write_ros2(tmp_path / "dive", dive())
         (tmp_path / "a.xyz").write_text("1 2 3\n")
         for path in (tmp_path, tmp_path / "*"):
             assert [scan.name for scan in read_scans([path]).scans] == ["a", "dive#0", "dive#1", "dive#2"]
 
-    def test_split_bags_go_on_in_the_next_file_and_are_surveys_of_their_own(self, tmp_path: Path) -> None:
+    def test_split_bags_continue_in_the_next_file_and_each_bag_is_a_survey(self, tmp_path: Path) -> None:
         paths = [write_ros2(tmp_path / name, dive()[:2]) for name in ("a", "b")]
         assert read_scans(paths).surveys == (0, 0, 1, 1)
         folder = write_ros2(tmp_path / "dive", dive()[:1], mcap=True)
@@ -213,7 +213,7 @@ class TestFolders:
         refuses(r"dive: none of the files that metadata\.yaml names is there", read_scans, [folder])
 
 
-def test_points_strengths_and_stamps(tmp_path: Path) -> None:
+def test_points_strengths_and_stamps_of_foxglove_are_read(tmp_path: Path) -> None:
     read = read_scans([write_foxglove(tmp_path / "dive.mcap", point_cloud(0), point_cloud(1, TABLE * 2))])
     assert [(scan.name, scan.stamp) for scan in read.scans] == [("dive#0", STAMP + 0.25), ("dive#1", STAMP + 1.25)]
     for k, scan in enumerate(read.scans):
@@ -221,7 +221,7 @@ def test_points_strengths_and_stamps(tmp_path: Path) -> None:
         np.testing.assert_array_equal(scan.strength, STRENGTH * (k + 1))
 
 
-def test_the_pose_of_a_cloud_in_its_frame(tmp_path: Path) -> None:
+def test_the_pose_of_a_foxglove_cloud_is_applied(tmp_path: Path) -> None:
     message = point_cloud()
     message.pose.position.x, message.pose.position.z = 3, -0.5
     message.pose.orientation.z = message.pose.orientation.w = np.sqrt(0.5)
@@ -232,14 +232,14 @@ def test_the_pose_of_a_cloud_in_its_frame(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stride", [0, 2**31])
-def test_strides_that_do_not_fit(tmp_path: Path, stride: int) -> None:
+def test_strides_that_do_not_fit_are_refused(tmp_path: Path, stride: int) -> None:
     message = point_cloud()
     message.point_stride = stride
     words = r"message 0 of /points: it holds 130 bytes, which is no multiple of its point size"
     refuses(words, read_scan, write_foxglove(tmp_path / "a.mcap", message))
 
 
-def test_an_index_spares_passes_over_an_mcap_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chunks_of_an_indexed_mcap_file_are_unpacked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a whole file the chunks of a topic are unpacked, each once; of one that was cut all, again and again."""
     camera: list[Record] = [
         (

@@ -35,7 +35,7 @@ PACKERS: dict[str, Callable[[bytes], bytes]] = {
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", ["mcap plain", "mcap lz4", "mcap zstd"])
-def test_an_mcap_file_that_was_cut_is_read_as_far_as_it_goes(tmp_path: Path, kind: str) -> None:
+def test_a_cut_mcap_file_is_read_up_to_the_cut(tmp_path: Path, kind: str) -> None:
     """As it is where a vehicle loses its power: what is there is right, and a note tells where it ends."""
     suffix, content = recordings()[kind]
     path = put(tmp_path / f"dive{suffix}", content)
@@ -53,7 +53,7 @@ def test_an_mcap_file_that_was_cut_is_read_as_far_as_it_goes(tmp_path: Path, kin
 
 
 @pytest.mark.parametrize("kind", ["bag", "bag bz2", "bag lz4"])
-def test_a_ros_1_bag_that_was_cut_has_no_index(tmp_path: Path, kind: str) -> None:
+def test_a_cut_ros_1_bag_is_refused(tmp_path: Path, kind: str) -> None:
     suffix, content = recordings()[kind]
     path = tmp_path / f"dive{suffix}"
     for kept in range(0, len(content), 211):
@@ -87,7 +87,7 @@ def test_chunks_unpack_to_a_limit(monkeypatch: pytest.MonkeyPatch, compression: 
         Unpacker(len(packed))(packed, compression)
 
 
-def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compression_bombs_in_recordings_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Clouds of zeros that shrink to nothing: read as they are, and refused where the limit is lower."""
     zeros = np.zeros((40_000, 4), np.float32)
     zeros[0] = 1
@@ -123,7 +123,7 @@ EMPTY_RECORD = b"\x08" + bytes(8)
     ],
     ids=["zeros", "records"],
 )
-def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece: bytes, count: int, words: str) -> None:
+def test_a_bomb_in_a_chunk_is_refused_with_little_memory(tmp_path: Path, piece: bytes, count: int, words: str) -> None:
     path = put(tmp_path / "a.mcap", recordings()["mcap plain"][1][:8] + packed_chunk(piece, count))
     assert path.stat().st_size < 20_000
     with thrifty(), pytest.raises(InputError, match=words):
@@ -148,7 +148,7 @@ INSERT INTO messages WITH n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n WHERE 
     ],
     ids=["files", "records", "rows"],
 )
-def test_a_bag_of_next_to_nothing(tmp_path: Path, kind: str, count: int, words: str) -> None:
+def test_a_bomb_in_a_bag_is_refused_quickly(tmp_path: Path, kind: str, count: int, words: str) -> None:
     """Of records without content, of many files, of rows without content."""
     if kind == "db3":
         with closing(sqlite3.connect(tmp_path / "x.db3")) as database:
@@ -176,7 +176,7 @@ def packed_chunk(piece: bytes, count: int) -> bytes:
 
 
 @pytest.mark.parametrize("table", ["messages", "topics"])
-def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None:
+def test_generated_columns_of_sqlite_are_refused(tmp_path: Path, table: str) -> None:
     """Of 900 MB in each row, which the file need not hold."""
     path = put(tmp_path / "a.db3", recordings()["db3"][1])
     with closing(sqlite3.connect(path)) as database:
@@ -190,7 +190,7 @@ def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None
 
 @pytest.mark.parametrize("length", [2**31, 2**64 - 1])
 @pytest.mark.parametrize("opcode", [1, 6, 0x7F])
-def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -> None:
+def test_mcap_records_of_impossible_length_are_refused(tmp_path: Path, opcode: int, length: int) -> None:
     """At the first record, and at the first chunk's content."""
     content = recordings()["mcap plain"][1]
     path, chunk = tmp_path / "a.mcap", content.index(b"\x06", 8 + 9)
@@ -207,7 +207,7 @@ TIMES = [0.125, 1.125, 2.125]
 
 
 @pytest.mark.parametrize("kind", ["bag", "bag lz4"])
-def test_lengths_in_a_ros_1_bag_without_end(tmp_path: Path, kind: str) -> None:
+def test_ros_1_records_of_impossible_length_are_refused(tmp_path: Path, kind: str) -> None:
     """Of the first record's head, and of one in the index."""
     content, claim = recordings()[kind][1], struct.pack("<I", 2**32 - 1)
     for at in (13, content.rindex(b"conn=") - 8):
@@ -251,7 +251,7 @@ def two_files(folder: Path, name: str) -> Path:
         pytest.param(f"\n  {NAMES}", " dive.db3\n", 3, UNREADABLE, id="no list"),
     ],
 )
-def test_metadata_that_say_something_else(tmp_path: Path, old: str, new: str, shots: int, note: str) -> None:
+def test_wrong_metadata_of_a_bag_are_noted(tmp_path: Path, old: str, new: str, shots: int, note: str) -> None:
     bag = two_files(tmp_path, "dive")
     text = (bag / METADATA).read_text()
     assert old in text
@@ -263,7 +263,7 @@ def test_metadata_that_say_something_else(tmp_path: Path, old: str, new: str, sh
 
 
 @pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])
-def test_texts_of_mcap_without_end(tmp_path: Path, kind: str) -> None:
+def test_mcap_texts_of_impossible_length_are_refused_or_ignored(tmp_path: Path, kind: str) -> None:
     """In the first record and in the summary, whose records are of the right lengths: what the index says is left."""
     content, text = recordings()[kind][1], struct.pack("<I", 2**32 - 1)
     path = put(tmp_path / "a.mcap", content[:17] + text + content[21:])

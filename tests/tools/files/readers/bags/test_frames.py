@@ -39,7 +39,7 @@ def test_points_are_in_base_link_and_seen_from_the_sensors_place(tmp_path: Path,
     )
 
 
-def test_a_chain_of_links_up_and_down(tmp_path: Path) -> None:
+def test_transforms_are_chained_up_and_down(tmp_path: Path) -> None:
     """From the sonar up to the mast, and down to base_link, which is the mast's child."""
     links = [("mast", "rov/base_link", (0, 0, -2), LEFT), ("mast", "sonar_link", (1, 0, 0), ALONE)]
     scan = read_scan(write_mcap(tmp_path / "a.mcap", mounted(*links)))
@@ -57,13 +57,13 @@ def test_a_chain_of_links_up_and_down(tmp_path: Path) -> None:
         ("sonar_frd", [0, 1, 2], [1, -1, -1]),
     ],
 )
-def test_frames_that_say_how_they_lie(tmp_path: Path, frame: str, axes: list[int], signs: list[int]) -> None:
+def test_optical_and_frd_frames_are_turned(tmp_path: Path, frame: str, axes: list[int], signs: list[int]) -> None:
     read = read_scans([write_mcap(tmp_path / "a.mcap", [("/points", CLOUD, 1.0, cloud(frame=frame))])])
     np.testing.assert_allclose(read.scans[0].points, POINTS[:, axes] * signs, atol=1e-6)
     assert read.notes[0].startswith(f"a.mcap: points in {frame} are turned to x forward, y left, z up, as its name _")
 
 
-def test_tf_wins_over_the_name(tmp_path: Path) -> None:
+def test_tf_is_preferred_to_the_name(tmp_path: Path) -> None:
     turn = Rotation.from_euler("ZYX", [20, -10, 5], degrees=True)
     link = ("base_link", "sonar_optical", (1, 2, 3), tuple(turn.as_quat()))
     scan = read_scan(write_mcap(tmp_path / "a.mcap", mounted(link, frame="sonar_optical")))
@@ -71,7 +71,7 @@ def test_tf_wins_over_the_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("frame", ["sonar_link", "base_link"])
-def test_points_stay_where_nothing_is_known_and_a_turn_alone_needs_no_viewpoints(tmp_path: Path, frame: str) -> None:
+def test_points_stay_without_a_transform_and_a_turn_alone_adds_no_viewpoints(tmp_path: Path, frame: str) -> None:
     links = [("mast", "sonar_link", (1, 2, 3), LEFT), ("base_link", "imu_link", (1, 2, 3), LEFT)]
     read = read_scans([write_mcap(tmp_path / "a.mcap", mounted(*links, frame=frame))])
     np.testing.assert_array_equal(read.scans[0].points, POINTS)
@@ -82,7 +82,7 @@ def test_points_stay_where_nothing_is_known_and_a_turn_alone_needs_no_viewpoints
 
 
 @pytest.mark.parametrize(("turn", "shown"), [((0, 0, 0, 0), "0 0 0 0"), ((np.nan, 0, 0, 1), "nan 0 0 1")])
-def test_transforms_that_are_none(tmp_path: Path, turn: tuple, shown: str) -> None:
+def test_invalid_transforms_are_refused_unless_unused(tmp_path: Path, turn: tuple, shown: str) -> None:
     path = write_mcap(tmp_path / "a.mcap", mounted(("base_link", "sonar_link", (3, 0, 0), turn)))
     refuses(f"transform base_link to sonar_link .* is 3 0 0 {shown}; wanted meters and a", read_scan, path)
     bystander = ("base_link", "imu_link", (3, 0, 0), turn)

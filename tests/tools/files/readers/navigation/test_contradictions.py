@@ -100,7 +100,7 @@ def test_mistakes_are_named(name: str, seed: int) -> None:
         (np.eye(3), 0.001, "scans a thousand times larger"),
     ],
 )
-def test_scans_that_are_not_as_they_were_taken(axes: np.ndarray, scale: float, name: str) -> None:
+def test_mirrored_upside_down_and_scaled_scans_are_named(axes: np.ndarray, scale: float, name: str) -> None:
     """Points p of every scan became scale axes p, so a pair's p_i = R p_j + t holds for the changed R and t."""
     rng, truth = drawn(4)
     pairs, values = registered(truth, rng), measured(truth, rng)
@@ -114,7 +114,7 @@ def test_scans_that_are_not_as_they_were_taken(axes: np.ndarray, scale: float, n
 
 
 @pytest.mark.parametrize("known", [ALL, np.array([1, 1, 0, 0, 0, 1], bool), np.array([1, 1, 1, 0, 0, 1], bool)])
-def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
+def test_costs_equal_those_of_pairs_of_priors(known: np.ndarray) -> None:
     """RelativePrior works a pair at a time, and halves the lever arm where both measure the shift: second order."""
     rng, truth = drawn(9)
     values, exact = measured(truth, rng, known), registered(truth, rng)
@@ -131,7 +131,7 @@ def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(("latitude", "longitude"), [(60.0, 10.0), (-33.0, 151.0 - 180), (44.0, 9.0)])
-def test_latitude_and_longitude_exchanged(latitude: float, longitude: float) -> None:
+def test_exchanged_latitude_and_longitude_are_named(latitude: float, longitude: float) -> None:
     """Taken for each other: a meter North is as many degrees as one East is at latitude 0, and cos(latitude) less."""
     rng, truth = drawn(12)
     truth[:, 3:5] *= 4
@@ -145,7 +145,7 @@ def test_latitude_and_longitude_exchanged(latitude: float, longitude: float) -> 
     assert verdict.remedy.startswith("exchange the columns' names, by --nav-columns")
 
 
-def test_places_in_feet_mirrored_or_at_other_times() -> None:
+def test_positions_in_feet_mirrored_or_at_other_times_are_named() -> None:
     rng, truth = drawn(8)
     pairs, values = registered(truth, rng), measured(truth, rng)
     for name, changed in {
@@ -170,7 +170,7 @@ def test_places_in_feet_mirrored_or_at_other_times() -> None:
 
 
 @pytest.mark.parametrize("times", [3, pytest.param(10, marks=pytest.mark.slow)])
-def test_instruments_that_err_more_than_stated_have_no_mistake(times: float) -> None:
+def test_errors_larger_than_stated_are_not_named_as_mistakes(times: float) -> None:
     """Feet would make noisy depths and places agree better."""
     for seed, kind in enumerate([[0, 1], [3, 4], [5]]):
         rng, truth = drawn([13, seed])
@@ -178,14 +178,14 @@ def test_instruments_that_err_more_than_stated_have_no_mistake(times: float) -> 
         assert contradiction(priors(values), registered(truth, rng)) is None
 
 
-def test_right_navigation_is_not_doubted() -> None:
+def test_correct_navigation_has_no_mistake() -> None:
     for seed in range(5):
         rng, truth = drawn([6, seed])
         known = ALL if seed % 2 else np.array([1, 1, seed % 3 == 0, 0, 0, 1], bool)
         assert contradiction(priors(measured(truth, rng, known)), registered(truth, rng, wrong=seed % 4)) is None
 
 
-def test_other_mistakes_have_no_name() -> None:
+def test_noise_and_another_dive_are_not_named_as_mistakes() -> None:
     """Noise, and another dive's navigation."""
     for seed in range(3):
         rng, truth = drawn([7, seed])
@@ -194,7 +194,7 @@ def test_other_mistakes_have_no_name() -> None:
         assert contradiction(priors(values + rng.normal(0, 20, values.shape)), pairs) is None
 
 
-def test_too_little_says_nothing() -> None:
+def test_too_few_pairs_have_no_mistake() -> None:
     rng, truth = drawn(8)
     values, pairs = signed(2)(measured(truth, rng)), registered(truth, rng)
     few, none = (Registered(pairs.i[:n], pairs.j[:n], pairs.T_i_j[:n], pairs.covariances[:n]) for n in (5, 0))
@@ -203,7 +203,7 @@ def test_too_little_says_nothing() -> None:
     assert contradiction([None] * len(truth), registered(truth, rng)) is None
 
 
-def test_what_cannot_be_told_apart_is_named_together() -> None:
+def test_mistakes_with_the_same_effect_are_named_together() -> None:
     """Without places a heading of the other sign is a yaw as well."""
     rng, truth = drawn(5)
     values = MISTAKES[SIGN](measured(truth, rng, np.array([1, 1, 1, 0, 0, 1], bool)))

@@ -23,7 +23,7 @@ def log(heading: str, *cells: str) -> str:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_ways_are_those_of_the_geodesic(path: Path, place: tuple[float, float]) -> None:
+def test_distances_and_bearings_equal_the_geodesic(path: Path, place: tuple[float, float]) -> None:
     """The second fix is 400 m away at 35 degrees, the third 250 m at 160 degrees, by Karney's geodesic."""
     lon, lat, _ = GEOD.fwd([place[1]] * 3, [place[0]] * 3, [0, 35, 160], [0, 400, 250])
     text = log("Latitude;Longitude", *(f"{a:.10f};{b:.10f}" for a, b in zip(lat, lon, strict=True)))
@@ -37,7 +37,7 @@ def test_ways_are_those_of_the_geodesic(path: Path, place: tuple[float, float]) 
 
 
 @pytest.mark.parametrize("epsg", [32632, 25832, 3067])
-def test_eastings_and_northings_are_places(path: Path, epsg: int) -> None:
+def test_eastings_and_northings_become_positions(path: Path, epsg: int) -> None:
     """Projected by PROJ itself; the map's axes are not the grid's, whose North is 2.6 degrees off here.
 
     The latter two are of ETRS89, which PROJ relates to WGS84 in Europe alone.
@@ -52,7 +52,7 @@ def test_eastings_and_northings_are_places(path: Path, epsg: int) -> None:
     assert abs(easting[1] - easting[0]) > 20  # what a shift would do
 
 
-def test_heights_and_depths_do_not_change(path: Path) -> None:
+def test_depths_do_not_change_and_degrees_are_shorter_below(path: Path) -> None:
     """A fix 100 m deep, 5 km from the origin: a degree is shorter down there, by 8 cm in 5 km."""
     settings = NavigationSettings(origin=Georeference(60.0, 5.0, height=2.5))
     lon, lat, _ = GEOD.fwd(5.0, 60.0, 90.0, 5000.0)
@@ -86,11 +86,11 @@ def test_heights_and_depths_do_not_change(path: Path) -> None:
         ("N 60 N", "lat_deg", np.nan),
     ],
 )
-def test_degrees_and_minutes(cell: str, quantity: str, wanted: float) -> None:
+def test_degrees_minutes_and_seconds_are_parsed(cell: str, quantity: str, wanted: float) -> None:
     assert degrees(cell, quantity) == pytest.approx(wanted, abs=1e-9, nan_ok=True)
 
 
-def test_grid_headings(path: Path) -> None:
+def test_grid_headings_are_converted_to_true_ones(path: Path) -> None:
     """The grid's North is seen by projecting two places of one meridian."""
     lat, lon = 60.3913, 5.3221
     easting, northing = Transformer.from_crs(4326, 32632, always_xy=True).transform([lon] * 2, [lat, lat + 1e-4])
@@ -103,7 +103,7 @@ def test_grid_headings(path: Path) -> None:
         read(path, log("Heading", *["40"] * 3), NavigationSettings(heading_reference="grid"))
 
 
-def test_headings_by_the_north_of_another_place(path: Path) -> None:
+def test_headings_are_converted_to_the_north_of_the_origin(path: Path) -> None:
     """A vehicle 5 km East of the map's origin that keeps to the geodesic back has the origin due West of it."""
     lon, lat, back = GEOD.fwd(5.0, 65.0, 90.0, 5000.0)
     text = log("Heading;Lat;Lon", *[f"{back % 360:.6f};{lat:.9f};{lon:.9f}"] * 3)
@@ -112,7 +112,7 @@ def test_headings_by_the_north_of_another_place(path: Path) -> None:
     np.testing.assert_allclose(values[:, 2], 270, atol=1e-3)
 
 
-def test_no_fix_is_no_place(path: Path) -> None:
+def test_positions_at_0_0_are_no_fixes(path: Path) -> None:
     values, _, notes = read(path, log("Lat;Lon", "0;0", "60.4;5.3", "0.0;0.000"))
     np.testing.assert_array_equal(np.isfinite(values[:, 3]), [False, True, False])
     assert any("2 rows are at 0, 0" in note for note in notes)
@@ -130,5 +130,5 @@ def test_no_fix_is_no_place(path: Path) -> None:
         ("Lat;Lon", ["60x;5"] * 3, {}, "Lat is '60x'"),
     ],
 )
-def test_what_is_no_place(path: Path, heading: str, cells: list[str], settings: dict, words: str) -> None:
+def test_invalid_positions_are_refused(path: Path, heading: str, cells: list[str], settings: dict, words: str) -> None:
     require_words(path, [words], read, path, log(heading, *cells), NavigationSettings(**settings))

@@ -56,19 +56,19 @@ class TestHeadings:
         ("heading", "quantity", "factor"),
         [(heading, quantity, factor) for (quantity, factor), headings in USUAL.items() for heading in headings],
     )
-    def test_usual_headings(self, heading: str, quantity: str, factor: float) -> None:
+    def test_usual_headings_are_recognized(self, heading: str, quantity: str, factor: float) -> None:
         column = column_of(3, heading)
         assert column is not None
         assert (column.index, column.quantity) == (3, quantity)
         assert column.factor == pytest.approx(factor)
 
-    def test_others_are_not_guessed(self) -> None:
+    def test_other_headings_are_not_guessed(self) -> None:
         assert [column_of(0, heading) for heading in UNUSED] == [None] * len(UNUSED)
 
     @pytest.mark.parametrize(
         ("heading", "words"), [("Depth (fathoms)", "fathoms"), ("Roll (m)", "'m'"), ("Easting (ft)", "international")]
     )
-    def test_units_that_cannot_be(self, heading: str, words: str) -> None:
+    def test_impossible_units_are_refused(self, heading: str, words: str) -> None:
         refuses(words, column_of, 0, heading)
 
 
@@ -80,7 +80,7 @@ class TestLogs:
     @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
     @pytest.mark.parametrize("ending", ["\n", "\r\n"])
     @pytest.mark.parametrize("point", [".", ","])
-    def test_as_programs_save_them(self, path: Path, separator: str, encoding: str, ending: str, point: str) -> None:
+    def test_every_dialect_is_read(self, path: Path, separator: str, encoding: str, ending: str, point: str) -> None:
         text = "# a comment\n\n" + self.TEXT.replace(",", separator) + separator * 5 + "\n"
         if separator != ",":
             text = text.replace(".", point)
@@ -97,12 +97,12 @@ class TestLogs:
         values, *_ = read(path, "Time,Alt\n" + rows("-7"), NavigationSettings(columns=parse_columns("height_m=Alt")))
         np.testing.assert_allclose(values[:, 5], 7)
 
-    def test_roll_without_pitch(self, path: Path) -> None:
+    def test_roll_without_pitch_is_not_used(self, path: Path) -> None:
         values, _, notes = read(path, "Time,Depth,Roll\n" + rows("3", "9"))
         assert np.isnan(values[:, :2]).all()
         assert any("'Roll' is not used without a column of pitch_deg" in note for note in notes)
 
-    def test_columns_of_our_own_and_others(self, path: Path) -> None:
+    def test_unknown_columns_are_ignored_only_beside_headings_of_a_log(self, path: Path) -> None:
         """With a log's heading among them others are left out, and a misspelled one is not."""
         values, *_ = read(path, "Time,depth_m,altitude_m\n" + rows("3", "9"))
         np.testing.assert_allclose(values[:, 5], 3)
@@ -125,18 +125,18 @@ class TestFrames:
             ("flu", "Time,Roll,Pitch,Heading,x,y,Depth", ("20", "-10", "30", "2", "5", "7")),
         ],
     )
-    def test_frames(self, path: Path, frame: str | None, heading: str, cells: tuple[str, ...]) -> None:
+    def test_frames_are_converted(self, path: Path, frame: str | None, heading: str, cells: tuple[str, ...]) -> None:
         values, *_ = read(path, f"{heading}\n{rows(*cells)}", NavigationSettings(frame=frame))
         np.testing.assert_allclose(values, [self.WANTED] * 3, atol=1e-9)
 
-    def test_magnetic_headings(self, path: Path) -> None:
+    def test_magnetic_headings_need_a_declination(self, path: Path) -> None:
         text = "Time,Magnetic Heading\n" + rows("358.5")
         values, *_ = read(path, text, NavigationSettings(declination=3.5))
         np.testing.assert_allclose(values[:, 2], 2)
         refused(path, text, "holds magnetic headings", "--magnetic-declination")
         refuses("--magnetic-declination", NavigationSettings, heading_reference="magnetic")
 
-    def test_standard_deviations_go_with_their_axes(self, path: Path) -> None:
+    def test_standard_deviations_are_exchanged_with_their_axes(self, path: Path) -> None:
         text = "Time,x,y,x std,y std\n" + rows("5", "2", "0.25", "0.75")
         _, navigated, _ = read(path, text, NavigationSettings(frame="ned"))
         prior = navigated.scans[0].prior
@@ -157,17 +157,17 @@ class TestAmbiguous:
             ("Time,Latitude,Depth", ("1", "1"), ["can only be used with lon_deg"]),
         ],
     )
-    def test_two_meanings(self, path: Path, heading: str, cells: tuple[str, ...], words: list[str]) -> None:
+    def test_ambiguity_is_refused(self, path: Path, heading: str, cells: tuple[str, ...], words: list[str]) -> None:
         refused(path, f"{heading}\n{rows(*cells)}", *words)
 
-    def test_degrees_in_the_columns_of_meters(self, path: Path) -> None:
+    def test_degrees_in_columns_of_meters_are_refused(self, path: Path) -> None:
         cells = (f"{START + k},{5.32 + k / 1e3:.6f},{60.39 + k / 2e3:.6f}\n" for k in range(9))
         text = "stamp,x_m,y_m\n" + "".join(cells)
         refused(path, text, "x_m runs from 5.32 to 5.328", "look like degrees", "Longitude and Latitude", "millimeters")
         values, *_ = read(path, text.replace("000\n", "\n").replace("000,", ","))
         assert np.isfinite(values[:2, 3:5]).all()  # in meters of few decimals
 
-    def test_mappings_that_cannot_be_and_meters_in_the_columns_of_degrees(self, path: Path) -> None:
+    def test_impossible_mappings_and_meters_in_columns_of_degrees_are_refused(self, path: Path) -> None:
         columns = parse_columns("x_m=Lon,y_m=Lat")
         refused(path, "Time,Lon,Lat\n" + rows("5", "60"), "'Lon' holds degrees", "lon_deg=Lon", columns=columns)
         refused(path, "Time,Depth\n" + rows("5"), "0 columns are called 'Deep'", columns=parse_columns("depth_m=Deep"))
@@ -178,10 +178,10 @@ class TestAmbiguous:
         ("text", "words"),
         [("depth_m", "not a mapping"), ("depht_m=a", "'depht_m' is not known"), ("depth_m=a,depth_m=b", "twice")],
     )
-    def test_mappings_that_are_none(self, text: str, words: str) -> None:
+    def test_invalid_mappings_are_refused(self, text: str, words: str) -> None:
         refuses(words, parse_columns, text)
 
-    def test_places_twice_are_taken_once(self, path: Path) -> None:
+    def test_positions_given_twice_are_used_once(self, path: Path) -> None:
         text = "Time,Lat,Lon,Easting,Northing\n" + rows("60.4", "5.3", "296000", "6701000")
         values, navigated, notes = read(path, text)
         assert navigated.georeference is not None
@@ -202,12 +202,12 @@ LONG = 100_000
         lambda: time_of_day("9:30" + " " * LONG + "x"),
     ],
 )
-def test_headings_and_cells(read: Callable[[], object]) -> None:
+def test_long_headings_and_cells_are_parsed_in_linear_time(read: Callable[[], object]) -> None:
     with quick():  # what takes a tenth of a second would take minutes, were it growing by squares
         read()
 
 
-def test_instruments_that_a_log_names_need_no_standard_deviations(tmp_path: Path) -> None:
+def test_instruments_named_in_headings_have_default_sigmas(tmp_path: Path) -> None:
     rows = [f"{START + k},{1.5 * k},{0.2 * k},{k % 7},1,2,9.5" for k in range(12)]
     heading = "time,USBL East,USBL North,Gyro Heading,MRU Roll,MRU Pitch,Pressure Depth"
     path = tmp_path / "rov.csv"
@@ -240,7 +240,7 @@ def test_instruments_that_a_log_names_need_no_standard_deviations(tmp_path: Path
         "Date;Heure;Roulis [degrés];Tangage;Cap;Profondeur [m];Latitude;Longitude",
     ],
 )
-def test_headings_in_german_and_french(path: Path, heading: str) -> None:
+def test_headings_in_german_and_french_are_recognized(path: Path, heading: str) -> None:
     row = "01.07.2026;09:30:0{};1,5;-2;350,25;12,5;60,{};5,0"
     text = "\n".join([heading, *(row.format(2 * k, 1000 + k) for k in range(3)), ""])
     values, navigated, _ = read(path, text, scans=scans_at(START))
@@ -250,7 +250,7 @@ def test_headings_in_german_and_french(path: Path, heading: str) -> None:
 
 
 @pytest.mark.parametrize("cell", ["2026" + " " * LONG + "x", "T" * LONG])
-def test_times(cell: str, tmp_path: Path) -> None:
+def test_long_texts_of_times_are_refused_in_linear_time(cell: str, tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(f"time,depth_m,depth_sigma_m\n{cell},2,3\n")
     words = r"line 2: the time is '.{1,45}'; wanted finite seconds, or a time as"
     with quick():

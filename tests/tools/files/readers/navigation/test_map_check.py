@@ -54,7 +54,7 @@ def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, i
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("known", [LEVEL, DEPTH, ROTATION])
 @pytest.mark.quick_cases(1)
-def test_noise_has_no_name(known: np.ndarray, seed: int) -> None:
+def test_noise_is_not_named_as_a_mistake(known: np.ndarray, seed: int) -> None:
     rng, truth = drawn([15, seed])
     truth[:, :2] *= 0.3
     values = np.where(known, truth + 4 * rng.normal(size=truth.shape) * SIGMAS, np.nan)

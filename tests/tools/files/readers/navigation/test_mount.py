@@ -34,11 +34,11 @@ class TestByHand:
             ("180,0,0,1,2,3", (0, 0, 0, 0, 0, 0), (180, 0, 0, 2, 1, 3)),
         ],
     )
-    def test_arms_and_directions(self, mount: str, pose: tuple[float, ...], wanted: tuple[float, ...]) -> None:
+    def test_arms_match_cases_by_hand(self, mount: str, pose: tuple[float, ...], wanted: tuple[float, ...]) -> None:
         values = seen(mount, *pose)
         np.testing.assert_allclose([abs(values[0]), *values[1:]], [abs(wanted[0]), *wanted[1:]], atol=1e-9)
 
-    def test_all_axes_at_once_against_the_textbooks_matrices(self) -> None:
+    def test_all_axes_at_once_match_the_textbooks_matrices(self) -> None:
         """T_world_sensor = T_world_vehicle * T_vehicle_sensor with forward-right-down matrices, written out."""
         mount, pose = (11.0, -23.0, 37.0), (-5.0, 14.0, 250.0)
 
@@ -55,7 +55,7 @@ class TestByHand:
         north, east, down = np.array([200, 100, 30]) + R_ned(*pose) @ [0.5, -0.25, 1.5]
         np.testing.assert_allclose(values[3:], [east, north, down], atol=1e-9)
 
-    def test_the_vehicles_frame_may_point_up(self) -> None:
+    def test_a_mount_in_a_frame_that_points_up_gives_the_same_pose(self) -> None:
         """Forward, left, up: pitch nose down, heading to port, Y port, Z up."""
         up = seen("11,23,-37,0.5,0.25,-1.5", -5, 14, 250, 1, 2, 3, frame="flu")
         down = seen("11,-23,37,0.5,-0.25,1.5", -5, 14, 250, 1, 2, 3)
@@ -63,14 +63,14 @@ class TestByHand:
 
 
 class TestUncertainty:
-    def test_what_the_rotation_leaves_open_moves_the_end_of_the_arm(self) -> None:
+    def test_sigmas_of_the_rotation_add_to_those_at_the_end_of_the_arm(self) -> None:
         prior = parse_mount("0,0,0,3,0,4").of_sensor(vehicle(0, 0, 0, 0, 0, 0))
         tilt, turn = np.radians(2), np.radians(3)
         np.testing.assert_allclose(prior.sigmas[3:5], np.sqrt(0.5**2 + (4 * tilt) ** 2 + (3 * turn) ** 2))
         np.testing.assert_allclose(prior.sigmas[5], np.hypot(0.1, 3 * tilt))
         np.testing.assert_allclose(sigmas_of(prior)[:2], 2)  # the larger of both
 
-    def test_without_a_heading_the_arms_direction_is_open(self) -> None:
+    def test_without_a_heading_the_length_of_the_arm_adds_to_the_sigmas(self) -> None:
         bare = vehicle(1, 2, np.nan, 10, 20, 7)
         prior = parse_mount("0,0,0,3,0,4").of_sensor(bare)
         np.testing.assert_allclose(prior.T_world_sensor.translation[:2], [10, 20])
@@ -78,12 +78,12 @@ class TestUncertainty:
         assert (prior.sigmas[3:5] >= 5).all()
         assert not prior.knows_heading
 
-    def test_a_heading_alone_beside_a_tilted_mount(self) -> None:
+    def test_a_steep_mount_needs_roll_and_pitch(self) -> None:
         alone = vehicle(np.nan, np.nan, 30, 1, 2, 3)
         refuses(r"mounted at a tilt of 40 degrees.*columns of roll and pitch", parse_mount("0,-40,0").of_sensor, alone)
         assert parse_mount("0,-20,0").of_sensor(alone).knows_heading
 
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "400,0,0", "0,0,0,0,0,200"])
-def test_what_is_no_mount(text: str) -> None:
+def test_invalid_mounts_are_refused(text: str) -> None:
     refuses(r"--mount is .* as in --mount 0,-30,0,0\.4,0,0\.2", parse_mount, text)

@@ -49,7 +49,7 @@ def dive(first: float = START, count: int = 11, dated: bool = True, headings: in
     return "\r\n".join(lines) + "\r\n"
 
 
-def test_published_sentences(path: Path) -> None:
+def test_published_sentences_are_read(path: Path) -> None:
     text = "\n".join(PUBLISHED)
     values, navigated, notes = read(path, text, scans=scans_at(T_1994))
     assert navigated.georeference is not None
@@ -59,7 +59,7 @@ def test_published_sentences(path: Path) -> None:
     assert any("1 VTG" in note and "1 places of RMC" in note for note in notes)
 
 
-def test_places_and_headings_at_the_scans_times(path: Path) -> None:
+def test_positions_and_headings_are_interpolated_to_the_scans(path: Path) -> None:
     values, navigated, _ = read(path, dive(), scans=scans_at(START + 2.5, START + 7))
     origin = navigated.georeference
     assert origin is not None
@@ -70,7 +70,7 @@ def test_places_and_headings_at_the_scans_times(path: Path) -> None:
     assert np.isnan(values[:, [0, 1, 5]]).all()
 
 
-def test_prefixes_and_damaged_lines(path: Path) -> None:
+def test_prefixes_are_skipped_and_damaged_lines_left_out(path: Path) -> None:
     """A logger's own stamps before the sentences; a digit lost, a line cut, garbage, a year that no calendar has."""
     lines = [f"2026-07-01 11:30:0{k % 10}.125 <- COM3: {line}" for k, line in enumerate(dive().splitlines())]
     lines[3] = lines[3].replace("6", "7", 1) if "*" not in lines[3] else lines[3].replace(".", "", 2)
@@ -94,7 +94,7 @@ def test_dates_come_from_rmc_zda_or_the_scans(path: Path) -> None:
 
 
 @pytest.mark.parametrize("dated", [True, False])
-def test_midnight(path: Path, dated: bool) -> None:
+def test_times_continue_over_midnight(path: Path, dated: bool) -> None:
     midnight = 1782950400.0  # 2026-07-02 00:00:00 UTC
     values, *_ = read(path, dive(midnight - 5, dated=dated), scans=scans_at(midnight - 2, midnight + 3))
     np.testing.assert_allclose(np.diff(values[:, 4]), 5 * 18.57, atol=0.1)
@@ -110,11 +110,11 @@ def test_midnight(path: Path, dated: bool) -> None:
         sentence("GPGGA,123519,4807.038,E,01131.000,N,1,08,0.9,545.4,M,46.9,M,,"),
     ],
 )
-def test_sentences_without_a_place(path: Path, text: str) -> None:
+def test_logs_without_a_fix_or_a_heading_are_refused(path: Path, text: str) -> None:
     refuses(r"log\.csv has no sentence with a fix or a heading and a time", read, path, text, scans=scans_at(T_1994))
 
 
-def test_a_trajectory_is_navigation(path: Path) -> None:
+def test_a_tum_trajectory_is_read_as_navigation(path: Path) -> None:
     times = START + np.arange(0.0, 12.0)
     R = Rotation.from_euler("ZYX", [[3 * k, 10, -20] for k in range(12)], degrees=True)
     poses = RigidTransform.from_components(np.outer(times - START, [1, 2, -0.5]), R)
@@ -130,7 +130,7 @@ def test_a_trajectory_is_navigation(path: Path) -> None:
     refuses("no standard deviations; give --prior-sigmas", navigate, scans, path)
 
 
-def test_receivers_and_gyrocompasses_err_as_usual(tmp_path: Path) -> None:
+def test_sigmas_follow_the_quality_of_each_fix(tmp_path: Path) -> None:
     """The receiver says of each fix what it is, unless the user says how much they err."""
     path = tmp_path / "ship.nmea"
     lines = dive(count=7).splitlines()
@@ -187,7 +187,7 @@ def test_two_vehicles_in_a_log_are_refused(path: Path, text: str, words: str) ->
         navigate(scans_at(START + 3), path, given)
 
 
-def test_the_talkers_of_one_vehicle(path: Path) -> None:
+def test_a_chosen_talker_or_talkers_that_agree_are_used(path: Path) -> None:
     """One that is chosen, and receivers that agree."""
     both, scans = _fixes("GP", 0) + _fixes("IN", 0.1), scans_at(START + 3)
     _, navigated, notes = read(path, both, NavigationSettings(talkers=parse_talkers("in")), scans=scans)
@@ -203,7 +203,7 @@ def test_the_talkers_of_one_vehicle(path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["GGA", "RMC"])
-def test_places_that_no_receiver_measured(path: Path, kind: str) -> None:
+def test_estimated_manual_and_simulated_fixes_are_left_out(path: Path, kind: str) -> None:
     false = "".join(_fixes("GP", 9, quality, 3, kind, first=20 + 3 * quality) for quality in (6, 7, 8))
     scans = scans_at(START + 3, START + 39)
     values, _, notes = read(path, _fixes("GP", 0, kind=kind) + false, scans=scans)
@@ -212,14 +212,14 @@ def test_places_that_no_receiver_measured(path: Path, kind: str) -> None:
     refuses("3 estimated, 3 manual, 3 simulated", read, path, false, scans=scans)
 
 
-def test_rmc_counts_where_gga_is_missing(path: Path) -> None:
+def test_rmc_is_used_where_gga_is_missing(path: Path) -> None:
     text = _fixes("GP", 0, 4, 1, first=25) + _fixes("GP", 0, count=50, kind="RMC")
     values, _, notes = read(path, text, scans=scans_at(START, START + 25, START + 49))
     assert np.isfinite(values[:, 3:5]).all()
     assert any("not used: 1 places of RMC" in note for note in notes)
 
 
-def test_a_real_log_of_two_talkers_that_agree() -> None:
+def test_a_real_log_of_two_talkers_is_read() -> None:
     log = DATA / "real" / "navigation" / "pygpsdata-nmea4.log"
     if not log.is_file():
         pytest.skip("shared/data/real/navigation is not beside the checkout")

@@ -34,7 +34,7 @@ def test_poses_are_interpolated_to_the_scans(tmp_path: Path) -> None:
     assert (odometry.drift, odometry.turn_drift) == (0.02, 0.001)
 
 
-def test_scans_outside_of_its_time_and_in_gaps_are_told(tmp_path: Path) -> None:
+def test_scans_outside_of_its_time_and_in_gaps_are_noted(tmp_path: Path) -> None:
     keep = (TIMES < 5) | (TIMES > 15)
     path = written(tmp_path, TIMES[keep], PATH[keep])
     notes: list[str] = []
@@ -69,7 +69,7 @@ def test_csv_that_cannot_be_used_is_refused(tmp_path: Path, text: str, words: st
     refuses(rf"odometry\.csv.*{words}", read_odometry, path, scans_at(0.0, 1.0), 0.01, 0.0)
 
 
-def test_other_clocks_and_orders_are_refused(tmp_path: Path) -> None:
+def test_other_clocks_and_unordered_stamps_are_refused(tmp_path: Path) -> None:
     words = r"covers 0 of the 2 scans: the rows run from 0\.000 s to 19\.500 s"
     refuses(words, read_odometry, written(tmp_path), scans_at(1000.0, 1001.0), 0.01, 0.0)
     path = written(tmp_path, np.concatenate([TIMES[:3], TIMES[2:]]), PATH[[0, 1, 2, *range(2, 40)]])
@@ -105,7 +105,7 @@ def test_messages_are_interpolated_to_the_scans(tmp_path: Path, writer: str) -> 
     np.testing.assert_allclose(poses.rotation.as_matrix(), np.tile(TURN.as_matrix(), (3, 1, 1)), atol=1e-9)
 
 
-def test_it_is_that_of_base_link(tmp_path: Path) -> None:
+def test_odometry_of_a_mounted_sensor_is_moved_to_base_link(tmp_path: Path) -> None:
     """Odometry of a DVL that looks to port, 1 m ahead and 2 m to port of base_link."""
     static = ("/tf_static", TF, 99.0, transforms((0.0, "base_link", "dvl_link", (1, 2, 0.5), LEFT)))
     path = write_mcap(tmp_path / "a.mcap", [static, *driven(child="dvl_link")])
@@ -115,7 +115,7 @@ def test_it_is_that_of_base_link(tmp_path: Path) -> None:
     np.testing.assert_allclose(poses_of(path, 100.0, 101.0)[0].as_matrix(), expected.as_matrix(), atol=1e-9)
 
 
-def test_frames_that_point_down(tmp_path: Path) -> None:
+def test_frames_that_point_down_are_converted(tmp_path: Path) -> None:
     """North-East-down to East-North-up, forward-right-down to forward-left-up: a heading of 30 is a yaw of 60."""
     turn = Rotation.from_euler("ZYX", [30, 10, -5], degrees=True).as_quat().tolist()
     records = [
@@ -127,7 +127,7 @@ def test_frames_that_point_down(tmp_path: Path) -> None:
 
 
 class TestTransforms:
-    def test_the_chain_from_odom_to_base_link(self, tmp_path: Path) -> None:
+    def test_transforms_are_chained_from_odom_to_base_link(self, tmp_path: Path) -> None:
         """A footprint that goes along x and turns to port, and base_link 0.5 m above it and 0.25 m behind."""
         turns = Rotation.from_euler("Z", [[0], [90]], degrees=True).as_quat().tolist()
         records = [
@@ -142,7 +142,7 @@ class TestTransforms:
         np.testing.assert_allclose(poses.translation, expected, atol=1e-9)
         np.testing.assert_allclose(poses.rotation.as_euler("ZYX", degrees=True)[:, 0], [0, 45, 90], atol=1e-9)
 
-    def test_recordings_that_do_not_tell(self, tmp_path: Path) -> None:
+    def test_recordings_without_a_moving_base_link_are_refused(self, tmp_path: Path) -> None:
         for topic, parent, words in (
             ("/tf", "map", "no odometry in it: no message of nav_msgs/msg/Odometry, and no transform"),
             ("/tf_static", "odom", "base_link does not move in odom"),
@@ -153,14 +153,14 @@ class TestTransforms:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("turn", "shown"), [(0.0, "0 0 0 0"), (1e308, "1e\\+308 1e\\+308 1e\\+308 1e\\+308")])
-def test_poses_that_are_none(tmp_path: Path, turn: float, shown: str) -> None:
+def test_invalid_poses_are_refused(tmp_path: Path, turn: float, shown: str) -> None:
     records = driven()
     records[2][3]["pose"]["pose"]["orientation"] = dict.fromkeys("xyzw", turn)
     words = rf"the pose of /odom \(number 2\) is 6 -1\.5 7 {shown}; wanted meters"
     refuses(words, poses_of, write_ros1(tmp_path / "a.bag", records), 100.0, 101.0)
 
 
-def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
+def test_one_of_several_topics_has_to_be_named(tmp_path: Path) -> None:
     path = write_ros1(tmp_path / "a.bag", driven("/odom") + driven("/dvl/odom"))
     refuses(r"it has 2 topics of nav_msgs/msg/Odometry: .*a\.bag::/dvl/odom", poses_of, path, 100.0, 101.0)
     assert len(poses_of(Path(f"{path}::/odom"), 100.0, 101.0)) == 2

@@ -36,7 +36,7 @@ def refused(path: Path, text: str, *words: str, **options: object) -> None:
 
 
 class TestConventions:
-    def test_the_whole_rotation_is_that_of_the_aerospace_order(self) -> None:
+    def test_roll_pitch_and_heading_follow_the_aerospace_order(self) -> None:
         """The textbook's matrix of forward, right, down in North, East, Down, with both frames' axes changed."""
         roll, pitch, heading = np.deg2rad([11.0, -23.0, 137.0])
         (cr, cp, ch), (sr, sp, sh) = np.cos([roll, pitch, heading]), np.sin([roll, pitch, heading])
@@ -65,7 +65,7 @@ class TestRows:
         assert [scan.prior for scan in scans[1:]] == [None, None]
         assert [scan.name for scan in scans] == [scan.name for scan in SCANS]
 
-    def test_what_is_empty_was_not_measured(self, path: Path) -> None:
+    def test_empty_cells_are_not_measured(self, path: Path) -> None:
         first, second, third = read(path, FIRST + "first,,,3,0.1\nrec#3,45,2,,\na.ply,,,,\n")
         np.testing.assert_array_equal(np.isfinite(told(first).sigmas), [0, 0, 0, 0, 0, 1])
         np.testing.assert_array_equal(np.isfinite(told(second).sigmas), [0, 0, 1, 0, 0, 0])
@@ -79,11 +79,11 @@ class TestRows:
             (["a.ply", "a.ply.ply"], 2),  # one that looks like a file is taken as it is first
         ],
     )
-    def test_names_with_and_without_suffix(self, path: Path, names: list[str], scan: int) -> None:
+    def test_names_match_with_and_without_suffix(self, path: Path, names: list[str], scan: int) -> None:
         for name in names:
             assert told(read(path, FIRST + f"{name},1,1,1,1\n")[scan]).knows_heading
 
-    def test_stamps_and_where_there_are_names_too_these_count(self, path: Path) -> None:
+    def test_rows_match_by_stamp_unless_there_are_names(self, path: Path) -> None:
         scans = read(path, "stamp,depth_m,depth_sigma_m\n120.0004,3,0.1\n1e2,4,0.1\n")
         assert [scan.prior and -scan.prior.T_world_sensor.translation[2] for scan in scans] == [4, None, 3]
         notes: list[str] = []  # as in a template; nothing has to be said of it
@@ -91,7 +91,7 @@ class TestRows:
         assert [scan.prior is None for scan in scans] == [False, True, True]
         assert not notes
 
-    def test_defaults_stand_in_where_the_file_says_nothing(self, path: Path) -> None:
+    def test_default_sigmas_are_used_where_the_file_has_none(self, path: Path) -> None:
         text = "name,depth_m,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,2,3,7,8\nrec#3,1,2,3,,9\n"
         first, second, _ = read(
             path, text, NavigationSettings(sigmas={"depth_m": 0.3, "x_m": 5.0, "y_m": 6.0, "roll_deg": 1.0})
@@ -99,7 +99,7 @@ class TestRows:
         np.testing.assert_array_equal(told(first).sigmas, [np.inf, np.inf, np.inf, 7, 8, 0.3])
         np.testing.assert_array_equal(told(second).sigmas, [np.inf, np.inf, np.inf, 5, 9, 0.3])
 
-    def test_rows_of_other_scans_are_passed_over_where_these_may_be(self, path: Path) -> None:
+    def test_rows_of_unknown_scans_are_ignored_if_allowed(self, path: Path) -> None:
         scans = read(path, FIRST + "else,1,1,1,1\nfirst,1,1,1,1\n", allow_unknown=True)
         assert [scan.prior is None for scan in scans] == [False, True, True]
         refused(path, FIRST + "else,1,1,1,1\n", "no row belongs to any of the scans", "'first'", allow_unknown=True)
@@ -142,14 +142,14 @@ class TestRefusals:
             *OTHERS,
         ],
     )
-    def test_what_cannot_be_used_is_named(self, path: Path, case: tuple[str, ...]) -> None:
+    def test_invalid_headings_and_rows_are_refused_with_their_line(self, path: Path, case: tuple[str, ...]) -> None:
         refused(path, *case)
 
     @pytest.mark.parametrize(("one", "other"), [("first", "first"), ("first", "first.ply"), ("a.ply", "a.ply.ply")])
-    def test_two_rows_for_one_scan(self, path: Path, one: str, other: str) -> None:
+    def test_two_rows_for_one_scan_are_refused(self, path: Path, one: str, other: str) -> None:
         refused(path, FIRST + f"{one},1,1,1,1\nrec#3,1,1,1,1\n{other},1,1,1,1\n", "lines 2 and 4", "delete one")
 
-    def test_two_scans_for_one_row(self, path: Path) -> None:
+    def test_a_row_that_fits_two_scans_is_refused(self, path: Path) -> None:
         path.write_text("stamp,depth_m,depth_sigma_m\n0,1,1\n")
         scans = (Scan(POINTS, name="a"), Scan(POINTS, name="b"))
         refuses("line 2: the stamp '0' fits 2 scans, among them a and b", navigate, scans, path)
@@ -163,7 +163,7 @@ class TestOffices:
         assert "no line break" in note
 
 
-def test_what_is_written_is_read(path: Path) -> None:
+def test_written_priors_are_read_back(path: Path) -> None:
     rng = np.random.default_rng(2)
     T = RigidTransform.from_components(rng.normal(size=(3, 3)), Rotation.random(3, rng=rng))
     sigmas = rng.uniform(0.1, 1, (3, 6))
@@ -188,14 +188,14 @@ def interpolated(folder: Path, rows: str, *stamps: float) -> tuple[np.ndarray, n
     return values, np.array([np.full(6, np.nan) if prior is None else sigmas_of(prior) for prior in priors])
 
 
-def test_what_lies_between_rows_is_interpolated(tmp_path: Path) -> None:
+def test_values_between_rows_are_interpolated(tmp_path: Path) -> None:
     values, sigmas = interpolated(tmp_path, "0,350,2,10,0,1,1,3,0.1\n4,10,3,18,4,2,2,5,0.1\n", 1.0, 3.0)
     np.testing.assert_allclose(values[:, 2], [355, 5])  # through North
     np.testing.assert_allclose(values[:, 3:], [[12, 1, 3.5], [16, 3, 4.5]])
     np.testing.assert_allclose(sigmas[:, 2:], [[3, 2, 2, 0.1]] * 2)
 
 
-def test_every_instrument_has_times_of_its_own(tmp_path: Path) -> None:
+def test_each_instrument_is_interpolated_between_its_own_times(tmp_path: Path) -> None:
     rows = "0.1,,,,,,,2,0.1\n0.6,90,1,,,,,,\n1.1,,,,,,,4,0.1\n1.6,100,1,,,,,,\n0.9,,,7,8,1,1,,\n"
     values, _ = interpolated(tmp_path, rows, 0.6001, 1.0, 30.0)
     np.testing.assert_allclose(values[0, [2, 5]], [90, 3], atol=0.01)
@@ -203,7 +203,7 @@ def test_every_instrument_has_times_of_its_own(tmp_path: Path) -> None:
     assert np.isnan(values[2]).all()
 
 
-def test_a_single_fix_is_one_of_the_scan_next_to_it(tmp_path: Path) -> None:
+def test_a_single_fix_belongs_to_the_nearest_scan(tmp_path: Path) -> None:
     rows = "10.2,,,5,6,1,1,,\n40.3,,,7,8,1,1,,\n77.7,90,1,,,,,,\n99,90,1,,,,,,\n"
     values, sigmas = interpolated(tmp_path, rows, *np.arange(0.0, 100.0, 1.0))
     fixed = np.flatnonzero(np.isfinite(values[:, 3]))
@@ -213,7 +213,7 @@ def test_a_single_fix_is_one_of_the_scan_next_to_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.flatnonzero(np.isfinite(values[:, 2])), [99])
 
 
-def test_rows_of_the_scans_themselves_are_no_series(tmp_path: Path) -> None:
+def test_rows_at_the_stamps_of_scans_are_not_interpolated(tmp_path: Path) -> None:
     """One row whose stamp is wrong is interpolated, as it was."""
     rows = "0,90,1,,,,,,\n1.5,91,1,,,,,,\n2,92,1,,,,,,\n"
     refuses(r"line 3: no scan has the stamp '1\.5'", interpolated, tmp_path, rows, 0.0, 1.0, 2.0)
@@ -222,7 +222,7 @@ def test_rows_of_the_scans_themselves_are_no_series(tmp_path: Path) -> None:
 @pytest.mark.parametrize("first", [-30, 0])
 @pytest.mark.parametrize("every", [1.0, 2.0])
 @pytest.mark.parametrize("late", [0.0, 0.1])
-def test_a_log_may_be_at_the_scans_times(first: int, every: float, late: float, tmp_path: Path) -> None:
+def test_a_log_at_the_scans_times_is_interpolated_too(first: int, every: float, late: float, tmp_path: Path) -> None:
     """A row per second says the same at the scans' times and beside them, from before the dive on or during it."""
     rows = "".join(f"{t + late:g},,,,,,,{20 + 0.1 * np.sin(t):.3f},0.1\n" for t in range(first, 41))
     stamps = np.arange(0.0, 40.0, every)
@@ -277,10 +277,10 @@ class TestSeveralFiles:
             ),
         ],
     )
-    def test_files_that_contradict_each_other(self, tmp_path: Path, texts: tuple[str, ...], words: str) -> None:
+    def test_contradictory_files_are_refused(self, tmp_path: Path, texts: tuple[str, ...], words: str) -> None:
         refuses(words, navigate, SCANS, self.written(tmp_path, *texts))
 
-    def test_an_option_of_one_file_is_of_no_other(self, tmp_path: Path) -> None:
+    def test_columns_mapped_for_one_file_do_not_affect_another(self, tmp_path: Path) -> None:
         paths = self.written(tmp_path, self.ATTITUDE, self.DEPTH.replace("Depth [m]", "KP"))
         navigated = navigate(SCANS, paths, NavigationSettings(columns=parse_columns("depth_m=KP")))
         assert told(navigated.scans[1]).knows_depth

@@ -27,14 +27,14 @@ def log(count: int = 120, seed: int = 2, every: float = 1.0) -> NavigationLog:
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("every", [0.2, 1.0, 5.0])
-def test_right_rows_are_left_alone(seed: int, every: float) -> None:
+def test_correct_rows_are_kept(seed: int, every: float) -> None:
     given = log(120, seed, every)
     usable, faults = usable_rows(given)
     assert faults == []
     np.testing.assert_array_equal(usable.values, given.values)
 
 
-def test_places_depths_and_headings_that_nobody_gets_to() -> None:
+def test_impossible_positions_and_depths_are_left_out() -> None:
     given = log()
     values = given.values.copy()
     values[20, 3:5] += [300.0, -40.0]
@@ -55,7 +55,7 @@ def test_places_depths_and_headings_that_nobody_gets_to() -> None:
     assert fault_notes(faults)[1].startswith("1 depth is left out (line 72): far from")
 
 
-def test_values_that_stand_still_and_times_out_of_order() -> None:
+def test_frozen_values_and_wrong_times_are_left_out() -> None:
     given = log()
     values, times = given.values.copy(), given.times.copy()
     values[60:84, 3:5] = values[60, 3:5]
@@ -71,7 +71,7 @@ def test_values_that_stand_still_and_times_out_of_order() -> None:
     assert usable_rows(replace(given, values=slow))[1] == []
 
 
-def test_a_heading_in_whole_degrees_may_be_held() -> None:
+def test_constant_headings_in_whole_degrees_are_kept() -> None:
     given = log()
     values = given.values.copy()
     values[:, 2] = np.round(
@@ -80,7 +80,7 @@ def test_a_heading_in_whole_degrees_may_be_held() -> None:
     assert usable_rows(replace(given, values=values))[1] == []
 
 
-def test_a_wrong_row_spoils_no_scan(tmp_path: Path) -> None:
+def test_a_wrong_row_does_not_affect_its_scan(tmp_path: Path) -> None:
     rows = [f"{START + k:.1f},{1.5 * k + (400 if k == 7 else 0):.2f},{0.1 * (k % 3):.2f},2.5" for k in range(40)]
     text = "\n".join(["time,x,y,depth", *rows, ""])
     values, _, notes = read(tmp_path / "log.csv", text, scans=scans_at(START + 7, START + 20))
@@ -92,7 +92,7 @@ def test_a_wrong_row_spoils_no_scan(tmp_path: Path) -> None:
     )
 
 
-def test_a_speed_that_is_known_says_more() -> None:
+def test_a_known_top_speed_finds_smaller_jumps() -> None:
     given = log()
     values = given.values.copy()
     values[40, 3:5] += [9.0, 0.0]
@@ -100,7 +100,7 @@ def test_a_speed_that_is_known_says_more() -> None:
     assert [fault.line for fault in usable_rows(replace(given, values=values), fastest=2.0)[1]] == [42]
 
 
-def test_short_logs_and_rows_with_names_are_not_asked() -> None:
+def test_short_logs_and_rows_with_names_are_not_checked() -> None:
     given = log(11)
     assert usable_rows(given) == (given, [])
     named = replace(log(), key="name")

@@ -50,11 +50,11 @@ def moments(form: str, count: int = 8, ahead: float = 0.0) -> list[str]:
         ("GPS Week,TOW (s)", [f"2425,{293400 + 18 + k}" for k in range(8)]),
     ],
 )
-def test_forms(path: Path, heading: str, times: list[str]) -> None:
+def test_times_of_every_form_are_read(path: Path, heading: str, times: list[str]) -> None:
     np.testing.assert_allclose(depths(path, heading, times), [0, 5], atol=1e-3)
 
 
-def test_dates_with_slashes_are_told_by_a_day_beyond_12(path: Path) -> None:
+def test_dates_with_slashes_are_resolved_by_a_day_beyond_12(path: Path) -> None:
     day = 86_400
     scans = scans_at(START + 14 * day, START + 14 * day + 5)
     for form in ("%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"):
@@ -63,7 +63,7 @@ def test_dates_with_slashes_are_told_by_a_day_beyond_12(path: Path) -> None:
     refuses("may be day/month or month/day", depths, path, "Time", moments("%d/%m/%Y %H:%M:%S"))
 
 
-def test_scales(path: Path) -> None:
+def test_gps_time_and_tai_are_converted_to_utc(path: Path) -> None:
     """2026-07-01 09:30:00 UTC is 09:30:18 in GPS time, second 293,418 of its week 2425, and 09:30:37 TAI."""
     seconds = 2425 * 604_800 + 293_418
     assert datetime(1980, 1, 6, tzinfo=UTC) + timedelta(seconds=seconds - 18) == datetime.fromtimestamp(START, UTC)
@@ -89,11 +89,11 @@ def test_scales(path: Path) -> None:
         ("Week,TOW", ["2425,5"], {"time_scale": "utc"}, "leave --time-scale utc out"),
     ],
 )
-def test_what_is_no_time(path: Path, heading: str, times: list[str], settings: dict, words: str) -> None:
+def test_invalid_times_are_refused(path: Path, heading: str, times: list[str], settings: dict, words: str) -> None:
     require_words(path, [words], depths, path, heading, times, **settings)
 
 
-def test_leap_seconds_are_those_of_iana() -> None:
+def test_leap_seconds_equal_the_table_of_iana() -> None:
     table = resources.files("hypothesis").joinpath("vendor/leap-seconds.txt")
     lines = [line.split() for line in table.read_text().splitlines() if line.strip() and not line.startswith("#")]
     starts = np.array([int(line[0]) - NTP for line in lines], float)
@@ -115,7 +115,7 @@ def test_leap_seconds_are_those_of_iana() -> None:
         (-5 * 86_400.0, "another day: --nav-offset=432000"),
     ],
 )
-def test_why_navigation_and_scans_do_not_meet(shift: float, words: str) -> None:
+def test_the_likely_cause_of_disjoint_times_is_named(shift: float, words: str) -> None:
     stamps = START + np.arange(0.0, 10.0)
     text = why_apart(stamps + shift, stamps)
     assert words in text
@@ -144,7 +144,7 @@ def sampled(
 
 @pytest.mark.parametrize("offset", [37.0, -18.0, 0.0, 3.21, -59.0])
 @pytest.mark.parametrize("step", [0.1, 0.5])
-def test_offsets_come_back(offset: float, step: float) -> None:
+def test_clock_offsets_are_estimated_from_turn_rates(offset: float, step: float) -> None:
     """A heading of 10 or 1 Hz beside an IMU of 20 Hz with a bias and another scale, within 0.1 s and 4 sigmas."""
     for seed in range(3):
         rng = np.random.default_rng([seed, int(10 * step), int(offset + 100)])
@@ -159,7 +159,7 @@ def test_offsets_come_back(offset: float, step: float) -> None:
         assert estimate.correlation > 0.5
 
 
-def test_rates_that_say_nothing_are_refused() -> None:
+def test_turn_rates_without_information_are_refused() -> None:
     rng = np.random.default_rng(5)
     times, rates = turning(rng)
     truth = sampled(times, rates, 0.1, 0.01, rng)
@@ -202,7 +202,7 @@ def test_navigation_is_moved_to_the_scans_clock(tmp_path: Path) -> None:
     refuses("--nav-offset auto needs the sonar's own turn rates", navigate, scans, tmp_path / "log.csv", settings)
 
 
-def test_numbered_scans_and_clocks_from_zero() -> None:
+def test_numbered_scans_and_clocks_from_zero_are_named() -> None:
     counted, dated = np.arange(5.0), START + np.arange(5.0)
     assert "the scans are numbered" in why_apart(dated, counted)
     assert "does not count from 1970" in why_apart(counted, dated)

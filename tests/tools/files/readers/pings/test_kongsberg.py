@@ -22,7 +22,7 @@ def read(folder: Path, content: bytes, suffix: str = ".all") -> RecordedLine:
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize(("model", "name"), [(120, "120"), (3020, "3002")])
-def test_depth_datagrams_come_back(tmp_path: Path, order: str, model: int, name: str) -> None:
+def test_depth_datagrams_are_read(tmp_path: Path, order: str, model: int, name: str) -> None:
     em = Recorder(model, order)
     line = read(tmp_path, em.file(LINE, swath=em.depths))
     np.testing.assert_allclose(line.points, LINE.kept, atol=ROUNDED)
@@ -34,7 +34,7 @@ def test_depth_datagrams_come_back(tmp_path: Path, order: str, model: int, name:
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_xyz_88_in_either_order_is_the_same(tmp_path: Path, order: str) -> None:
+def test_xyz_88_is_the_same_in_either_byte_order(tmp_path: Path, order: str) -> None:
     """And with sizes in another order than the numbers, as where files were written by a computer of another kind."""
     there = Recorder(2040, order, sizes="<>"[order == "<"])
     np.testing.assert_array_equal(read(tmp_path, there.file(LINE)).points, read(tmp_path, EM.file(LINE)).points)
@@ -54,7 +54,7 @@ def test_deep_soundings_are_unsigned_and_those_of_shallow_ones_signed(tmp_path: 
 
 
 @pytest.mark.parametrize("depth", [-0.75, 1500.5])
-def test_the_depth_of_the_transducer_has_a_multiplier(tmp_path: Path, depth: float) -> None:
+def test_the_multiplier_of_the_transducers_depth_is_applied(tmp_path: Path, depth: float) -> None:
     """Above the water by heave, or 1.5 km down on a vehicle."""
     line = sample()
     line.points[..., 2] += depth
@@ -67,7 +67,7 @@ def test_the_depth_of_the_transducer_has_a_multiplier(tmp_path: Path, depth: flo
 
 
 @pytest.mark.parametrize("form", ["depths", "swath", "swath with heave"])
-def test_what_mb_system_writes(tmp_path: Path, form: str) -> None:
+def test_datagrams_of_mb_system_are_read(tmp_path: Path, form: str) -> None:
     """Places of pings come first, and flags of beams; there is no other position."""
     em = Recorder(300 if form == "depths" else 710, ">")
     parts = list[bytes]()
@@ -103,7 +103,7 @@ def rows(roll: float) -> list[tuple[float, float, float]]:
     return [(0.5 * k, roll, 1.0) for k in range(12)]
 
 
-def test_a_position_that_leaps_or_is_none_changes_nothing(tmp_path: Path) -> None:
+def test_jumps_and_invalid_positions_are_ignored(tmp_path: Path) -> None:
     fixes = positions()
     fixes[5] = EM.position(LINE.stamps[5], LINE.fixes[5, 0] + 0.01, LINE.fixes[5, 1])  # 1.1 km off and back
     fixes[8] = EM.position(LINE.stamps[8], 0x7FFFFFFF / 2e7, 0x7FFFFFFF / 1e7)
@@ -127,13 +127,13 @@ def test_a_position_that_leaps_or_is_none_changes_nothing(tmp_path: Path) -> Non
     ],
     ids=["network", "network in use", "network unused", "the one in use", "none in use", "invalid"],
 )
-def test_which_attitudes_are_believed(tmp_path: Path, motions: list[bytes], roll: float, noted: bool) -> None:
+def test_the_active_sensor_gives_attitudes(tmp_path: Path, motions: list[bytes], roll: float, noted: bool) -> None:
     found = read(tmp_path, b"".join([*swaths(), *positions(), *motions]))
     np.testing.assert_allclose(np.degrees(found.attitudes[:, 0]), roll, atol=1e-6)
     assert any("no motion sensor is marked as active" in note for note in found.notes) == noted
 
 
-def test_checksums(tmp_path: Path) -> None:
+def test_wrong_checksums_are_damage_unless_none_fits(tmp_path: Path) -> None:
     """One that does not fit is damage; where none does, they were not written. Other datagrams' do not count."""
     other = EM.datagram("R", START, bytes(33), wrong_sum=True)
     parts = [*positions(), other, *swaths()]
@@ -148,7 +148,7 @@ def test_checksums(tmp_path: Path) -> None:
     np.testing.assert_allclose(read(tmp_path, b"".join(none)).points, LINE.kept, atol=ROUNDED)
 
 
-def test_positions_where_no_system_is_active(tmp_path: Path) -> None:
+def test_without_an_active_system_that_with_most_positions_is_used(tmp_path: Path) -> None:
     found = read(tmp_path, b"".join([*swaths(), *positions(0x02), *positions(0x01, off=0.1)[:5]]))
     np.testing.assert_allclose(found.fixes[:, :2], LINE.fixes, atol=1e-7)
     assert "no position system is marked as active: that with most positions is taken" in found.notes

@@ -73,7 +73,7 @@ def test_depths_are_below_the_water_where_the_draught_is_known(tmp_path: Path, d
 
 
 @pytest.mark.parametrize("suffix", [".gsf", ".all"])
-def test_soundings_come_back_in_the_world(tmp_path: Path, suffix: str) -> None:
+def test_soundings_are_placed_in_the_world(tmp_path: Path, suffix: str) -> None:
     line = read(written(tmp_path, suffix))
     np.testing.assert_allclose(line.stamps, LINE.stamps, atol=1e-3)
     np.testing.assert_allclose(line.points, LINE.kept, atol=TOLERANCE)
@@ -90,7 +90,7 @@ def test_soundings_come_back_in_the_world(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("equal_angles", [False, True])
-def test_ranges_and_angles_come_back_in_the_world(tmp_path: Path, equal_angles: bool) -> None:
+def test_ranges_and_angles_become_soundings(tmp_path: Path, equal_angles: bool) -> None:
     """Of an R2Sonic: rolled to starboard by 10 degrees, a beam 20 degrees to starboard points 10 degrees to port."""
     line, beams = sample(), fan(len(LINE.stamps))
     found = read(tmp_path / "line.xtf", xtf(line, beams, equal_angles=equal_angles, tide=0.75))
@@ -118,7 +118,7 @@ def test_ranges_and_angles_come_back_in_the_world(tmp_path: Path, equal_angles: 
         ((0.0, 0.0, 90.0), 30.0, (-5, 0, -8.660)),
     ],
 )
-def test_how_an_array_is_mounted(tmp_path: Path, mount: tuple, angle: float, expected: tuple) -> None:
+def test_the_mounting_of_an_array_turns_its_beams(tmp_path: Path, mount: tuple, angle: float, expected: tuple) -> None:
     """A beam of 10 m, by hand: starboard side down, down goes to port; bow up, forward; turned right, starboard is
     aft."""
     line = sample(1)
@@ -147,7 +147,7 @@ def test_gsf_has_longitude_before_latitude_in_the_file(tmp_path: Path) -> None:
     assert (round(line.fixes[0, 0] * 1e7), round(line.fixes[0, 1] * 1e7)) == (latitude, longitude)
 
 
-def test_the_transducer_of_a_gsf(tmp_path: Path) -> None:
+def test_the_transducer_of_a_gsf_is_placed_by_its_lever_arm(tmp_path: Path) -> None:
     line = sample(2)
     line.attitudes[:, :2], line.heave[:] = [(0, 0), (90, 0)], [0.25, 0.5]
     found = read(write_gsf(tmp_path / "line.gsf", line, tide=-0.75))
@@ -160,7 +160,7 @@ def test_the_transducer_of_a_gsf(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.fixes[:, 2], 0.0)
 
 
-def test_tides_by_gps_and_the_datum_of_a_gsf(tmp_path: Path) -> None:
+def test_tides_of_a_gsf_are_applied_and_the_datum_is_noted(tmp_path: Path) -> None:
     """Either corrector was added to depths; the datum is told."""
     path, words = tmp_path / "line.gsf", [b"TIDAL_DATUM=MLLW"]
     by_gauge = read(write_gsf(path, LINE, tide=-0.75))
@@ -172,7 +172,7 @@ def test_tides_by_gps_and_the_datum_of_a_gsf(tmp_path: Path) -> None:
     assert read(write_gsf(path, LINE, **nulls)).notes == ()
 
 
-def test_a_submersible_in_a_gsf(tmp_path: Path) -> None:
+def test_the_depth_corrector_of_a_gsf_is_the_depth_of_a_submersible(tmp_path: Path) -> None:
     """Its depth is the depth corrector, from which the transducer lies by its lever; dynamic draft is none."""
     line = sample(2)
     line.attitudes[:, :2], line.heave[:] = 0, 0
@@ -182,7 +182,7 @@ def test_a_submersible_in_a_gsf(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.sensors[:, 2], -DRAFT, atol=TOLERANCE)
 
 
-def test_flags_of_a_gsf(tmp_path: Path) -> None:
+def test_flags_of_a_gsf_reject_soundings(tmp_path: Path) -> None:
     path = write_gsf(tmp_path / "line.gsf", LINE, ignored=(4,))
     line = read(path)
     assert line.rejected == LINE.rejected.sum() + (~LINE.rejected[4]).sum()
@@ -191,7 +191,7 @@ def test_flags_of_a_gsf(tmp_path: Path) -> None:
     assert read(path).rejected == 0
 
 
-def test_the_transducer_of_a_kongsberg(tmp_path: Path) -> None:
+def test_the_transducer_of_a_kongsberg_is_placed_by_its_lever_arm(tmp_path: Path) -> None:
     """From the antenna of the active system to the transducer: 8.75 m forward, 1 m to starboard, 13.25 m down."""
     line = sample(3)
     line.attitudes[:, :2] = 0
@@ -213,7 +213,7 @@ def test_two_heads_make_one_line(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.sensors[:, 1], [-1.0, 2.75, -1.0, 2.75])
 
 
-def test_pings_out_of_order_and_across_the_date_line(tmp_path: Path) -> None:
+def test_pings_are_sorted_and_continue_across_the_date_line(tmp_path: Path) -> None:
     line = sample(6)
     line.fixes[:, 1] = [179.99996, 179.99998, 180.0, -179.99998, -179.99996, -179.99994]
     parts = [EM.swath(line, k, DEPTHS) for k in (1, 0, 3, 2, 5, 4)]
@@ -267,7 +267,7 @@ WRONG: list[tuple[str, Callable[[], bytes], str]] = [
 
 
 @pytest.mark.parametrize(("suffix", "content", "words"), WRONG, ids=range(len(WRONG)))
-def test_what_cannot_be_used_is_refused(tmp_path: Path, suffix: str, content: Callable[[], bytes], words: str) -> None:
+def test_unusable_lines_are_refused(tmp_path: Path, suffix: str, content: Callable[[], bytes], words: str) -> None:
     path = tmp_path / f"line{suffix}"
     path.write_bytes(content())
     refuses(rf"line{suffix}: .*{words}", read_line, path, [])
@@ -293,7 +293,7 @@ def test_pings_after_damage_are_kept(tmp_path: Path, suffix: str) -> None:
     assert any("damaged or cut" in note for note in damaged.notes)
 
 
-def test_a_count_that_the_packet_does_not_hold(tmp_path: Path) -> None:
+def test_a_packet_with_a_wrong_count_is_left_out(tmp_path: Path) -> None:
     content = bytearray(xtf(LINE, fan(12)))
     at = content.find(b"R0") - 2  # the count of points, at the end of H0
     content[at : at + 2] = b"\xff\xff"
@@ -310,7 +310,7 @@ def test_an_index_beside_an_xtf_is_not_unpickled(tmp_path: Path) -> None:
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_gsf_child_that_dies_or_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gsf_process_that_crashes_or_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from sonarmap.tools.files.readers.pings import gsf
 
     path, child = write_gsf(tmp_path / "line.gsf", LINE), tmp_path / "child.py"
@@ -325,24 +325,24 @@ def test_a_gsf_child_that_dies_or_hangs(tmp_path: Path, monkeypatch: pytest.Monk
     assert line.notes == ("the GSF library did not end within 4 s after 1 ping, which are kept: the file is damaged",)
 
 
-def test_nominal_depths_of_a_gsf(tmp_path: Path) -> None:
+def test_nominal_depths_of_a_gsf_are_noted(tmp_path: Path) -> None:
     path = write_gsf(tmp_path / "line.gsf", LINE, words=[b"DEPTH_CALCULATION=RELATIVE_TO_1500_MS"])
     assert read(path).notes == ("depths are those for a speed of sound of 1500 m/s; the file has no others",)
 
 
-def test_packets_of_triton(tmp_path: Path) -> None:
+def test_packets_of_triton_equal_those_of_qinsy(tmp_path: Path) -> None:
     """They are those of QINSy where they hold the same."""
     there, other = (read(tmp_path / "line.xtf", xtf(LINE, fan(3), kind=kind)) for kind in (68, 65))
     np.testing.assert_array_equal(there.points, other.points)
 
 
-def test_raw_positions_of_an_xtf_whose_pings_have_none(tmp_path: Path) -> None:
+def test_raw_positions_replace_missing_ones_of_pings(tmp_path: Path) -> None:
     found = read(tmp_path / "line.xtf", xtf(LINE, fan(12), lag=0.125, raw=True))
     expected = LINE.fixes[:-1] + 0.125 / 0.5 * np.diff(LINE.fixes, axis=0)
     np.testing.assert_allclose(found.fixes[: len(expected), :2], expected, atol=1e-9)
 
 
-def test_a_gsf_library_that_does_not_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gsf_library_that_does_not_load_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_gsf(tmp_path / "line.gsf", LINE)
     (tmp_path / "gsfpy3_09.py").write_text("raise Exception('no shared object')\n")
     monkeypatch.syspath_prepend(tmp_path)
@@ -350,7 +350,7 @@ def test_a_gsf_library_that_does_not_load(tmp_path: Path, monkeypatch: pytest.Mo
     refuses(r"line.gsf: the GSF library does not load on this machine \(no shared object\)", read_line, path, [])
 
 
-def test_all_soundings_rejected(tmp_path: Path) -> None:
+def test_a_line_of_rejected_soundings_is_refused(tmp_path: Path) -> None:
     line = sample(3)
     line.rejected[:] = True
     refuses("all 27 soundings of its 3 pings are rejected", read, write_gsf(tmp_path / "line.gsf", line))

@@ -19,7 +19,7 @@ from tests.samples.refusals import refuses
 pytestmark = pytest.mark.filterwarnings("error")
 
 
-def test_points_are_wlsonars_with_y_and_z_turned():
+def test_points_equal_those_of_wlsonar_with_y_and_z_turned():
     rng = np.random.default_rng(3)
     image = range_image(0, rng.integers(0, 90, (7, 11)))
     theirs = np.array([point for point in range_image_to_xyz(image) if point is not None])
@@ -41,7 +41,7 @@ def test_strengths_are_linear_and_belong_to_their_pixels():
         assert (cloud.strength > 0).any()
 
 
-def test_one_scan_per_frame_with_stamp_and_name(tmp_path):
+def test_each_frame_is_a_scan_with_stamp_and_name(tmp_path):
     path = put(tmp_path / "dive.sonar", SAMPLES["sonar"][1])
     read = read_scans([path])
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#1", "dive#2"]
@@ -56,7 +56,7 @@ def test_one_scan_per_frame_with_stamp_and_name(tmp_path):
     refuses("holds scans #0 to #2", read_scan, f"{path}#3")
 
 
-def test_other_messages_are_passed_over():
+def test_other_messages_are_ignored():
     shaded = strength_image(0, np.full((3, 4), 9))
     shaded.type = rip.BitmapImageType.SHADED_IMAGE
     strangers = [rip.packb(rip.ImuBatch(samples=1)), rip.packb(Timestamp(seconds=5)), rip.packb(shaded)]
@@ -67,7 +67,7 @@ def test_other_messages_are_passed_over():
         np.testing.assert_array_equal(ours.strength, theirs.strength)
 
 
-def test_a_frame_without_strength_or_echo_is_told(tmp_path):
+def test_frames_without_strength_or_echo_are_noted(tmp_path):
     packets = sonar_packets()
     empty = rip.packb(range_image(1, np.zeros((3, 4), int)))
     read = read_scans([put(tmp_path / "dive.sonar", b"".join([packets[0], packets[1], empty, packets[4]]))])
@@ -116,7 +116,7 @@ def test_range_images_that_contradict_themselves_are_refused(change, said):
     refuses(f"packet 1 at byte 0 is a range image .*{said}", read_sonar, rip.packb(image))
 
 
-def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
+def test_a_frame_of_nan_leaves_a_gap(tmp_path):
     frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
     frames[1].image_pixel_scale = float("nan")
     path = put(tmp_path / "dive.sonar", b"".join(rip.packb(frame) for frame in frames))
@@ -128,7 +128,7 @@ def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
     assert (unread.where, unread.before) == (f"{path}#1", 1)
 
 
-def test_packets_of_the_first_version_and_without_time(tmp_path):
+def test_packets_of_the_first_version_and_without_time_are_read(tmp_path):
     image = range_image(0, np.arange(12).reshape(3, 4))
     old = rip.packb(image, protocol=rip.ProtocolVersion.RIP1)
     np.testing.assert_array_equal(read_sonar(old)[0].points, read_sonar(rip.packb(image))[0].points)

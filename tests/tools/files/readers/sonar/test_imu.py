@@ -64,13 +64,13 @@ class TestAttitude:
         assert 1.5 <= np.rad2deg(prior.sigmas[0]) < 1.6
         assert prior.sigmas[0] == prior.sigmas[1]
 
-    def test_of_a_sonar_that_turns_it_is_that_at_the_shots_time(self) -> None:
+    def test_the_attitude_of_a_turning_sonar_is_that_at_the_shot(self) -> None:
         """A roll at 40 degrees per second, also where all samples are before the shot."""
         for seconds, batches in ((0.7, 20), (0.7, 7)):
             packets = imu_packets(batches / 10, lambda t: at_rest(40.0 * t, 3.0), np.deg2rad([40.0, 0.0, 0.0]))
             np.testing.assert_allclose(angles_of(prior_of(*packets, shot(seconds))), [28.0, 3.0], atol=0.3)
 
-    def test_waves_make_it_less_sure(self) -> None:
+    def test_accelerations_of_waves_increase_the_sigmas(self) -> None:
         """Of 0.3 m/s^2 and 3 s: what it says is off by up to 1.5 degrees, and it says so."""
         sigmas, pulls = [], []
         for phase in np.linspace(0, 2 * np.pi, 12):
@@ -86,16 +86,16 @@ class TestAttitude:
         [lambda t: 1.1 * LEVEL, lambda t: LEVEL + np.array([3 * np.sin(6 * t), 0, 0]), lambda t: np.zeros(3)],
         ids=["heaves", "surges", "falls"],
     )
-    def test_of_a_vehicle_that_accelerates_it_is_not_known(self, force) -> None:
+    def test_an_accelerating_vehicle_has_no_attitude(self, force) -> None:
         assert unknown(*imu_packets(1.0, force, np.zeros(3)), shot(0.5))
 
-    def test_without_samples_near_the_shot_it_is_not_known(self) -> None:
+    def test_without_samples_near_the_shot_there_is_no_attitude(self) -> None:
         packets = imu_packets(1.0, lambda _: LEVEL, np.zeros(3))
         for seconds in (1.2, 5.0):
             assert unknown(*packets, shot(seconds))
         assert unknown(shot(0.5))
 
-    def test_batches_that_contradict_themselves_are_damage(self) -> None:
+    def test_contradictory_batches_are_left_out_as_damaged(self) -> None:
         wrong = [imu_batch(k, [0.1, 0.2], np.ones((2, 3)), np.ones((2, 3))) for k in range(3)]
         wrong[0].samples = 3
         wrong[1].specific_force.append(1.0)
@@ -118,7 +118,7 @@ class TestAttitude:
 
 
 class TestTurnRates:
-    def test_they_are_turned_to_our_axes(self, tmp_path: Path) -> None:
+    def test_turn_rates_are_turned_to_our_axes(self, tmp_path: Path) -> None:
         packets = imu_packets(1.0, lambda _: LEVEL, np.array([0.1, 0.2, -0.3]))
         path = tmp_path / "dive.sonar"
         path.write_bytes(b"".join([*packets[5:], shot(0.5), *packets[:6], b"garbage"]))

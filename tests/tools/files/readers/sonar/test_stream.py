@@ -64,7 +64,7 @@ def clean() -> list[PacketOf]:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(3))
-def test_counts_are_right_and_the_rest_is_the_same_to_the_bit(tmp_path: Path, clean: list[PacketOf], seed: int) -> None:
+def test_disturbances_are_counted_and_other_shots_unchanged(tmp_path: Path, clean: list[PacketOf], seed: int) -> None:
     """1 % lost, 1 % doubled, 1 % exchanged, a damaged packet, and a wrap: all counted, and no other shot changed."""
     packets, events = disturbed(clean, seed)
     hit = next(k for k in range(200, 400) if packets[k].kind == "range" and packets[k] not in packets[k + 1 :])
@@ -98,7 +98,7 @@ def test_counts_are_right_and_the_rest_is_the_same_to_the_bit(tmp_path: Path, cl
 
 
 class TestDamage:
-    def test_cut_anywhere_all_shots_before_are_there(self) -> None:
+    def test_a_cut_recording_has_all_shots_before_the_cut(self) -> None:
         packets = sonar_packets()
         whole, ends = read_sonar(b"".join(packets)), np.cumsum([len(packet) for packet in packets])
         for kept in sorted({*range(1, ends[-1], 3), *ends.tolist()}):
@@ -115,7 +115,7 @@ class TestDamage:
             assert any(said in note for note in notes) == (over > 0)
             assert not any("damaged" in note for note in notes)
 
-    def test_any_damaged_byte_costs_its_packet_alone(self) -> None:
+    def test_a_damaged_byte_costs_only_its_packet(self) -> None:
         packets = sonar_packets()
         whole, starts = read_sonar(b"".join(packets)), np.cumsum([0, *(len(packet) for packet in packets)])
         for place in range(0, starts[-1], 5):
@@ -141,7 +141,7 @@ class TestDamage:
             end = f"the recording is cut: of its last packet there are only {len(false)} bytes"
             assert (end if place == 6 else f"1 damaged packet left out, {len(false)} bytes") in note
 
-    def test_damage_longer_than_what_is_read_at_a_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_damage_longer_than_a_chunk_is_skipped(self, monkeypatch: pytest.MonkeyPatch) -> None:
         from sonarmap.tools.files.readers.sonar import packets as module
 
         monkeypatch.setattr(module, "_CHUNK", 50)
@@ -154,7 +154,7 @@ class TestDamage:
 class TestNumbers:
     """Of shots: `first`, and so on."""
 
-    def test_a_sonar_that_was_restarted(self) -> None:
+    def test_numbers_that_start_again_are_noted(self) -> None:
         rng = np.random.default_rng(2)
         shots = [(shot, 5000 + shot if shot < 40 else shot - 40) for shot in range(80) if shot not in (7, 50, 51)]
         packets = [packet for shot, number in shots for packet in shot_packets(shot, number, rng)]
@@ -174,7 +174,7 @@ class TestNumbers:
             assert numbers_in(notes, "late")[:1] == [1]
             assert len(notes) == 1
 
-    def test_what_waits_is_bounded(self, tmp_path: Path) -> None:
+    def test_images_that_wait_for_their_partner_are_bounded(self, tmp_path: Path) -> None:
         """A recording of strength images alone, and of range images after all of theirs."""
         shots = [shot_packets(shot, shot, np.random.default_rng(shot)) for shot in range(200)]
         strengths, ranges = ([packets[kind] for packets in shots] for kind in (1, 0))
@@ -184,7 +184,7 @@ class TestNumbers:
         assert [cloud.strength is not None for cloud in clouds] == [False] * 168 + [True] * 32
         assert numbers_in(notes, "without a range image") == [168]
 
-    def test_shots_without_numbers_and_times(self) -> None:
+    def test_shots_without_numbers_and_times_are_all_read(self) -> None:
         """Only what is the same to the bit is doubled."""
         images = [rip.RangeImage(width=4, height=3, image_pixel_scale=0.125) for _ in range(20)]
         for k, image in enumerate(images):
@@ -223,18 +223,18 @@ class TestClock:
         ],
         ids=["never set", "stands still", "goes on", "goes back", "ahead of the file"],
     )
-    def test_that_is_wrong(self, stamps: list[float], wanted: list[str]) -> None:
+    def test_a_wrong_clock_is_noted(self, stamps: list[float], wanted: list[str]) -> None:
         notes = self.notes_of(stamps)
         assert [note[: len(words)] for note, words in zip(notes, wanted, strict=True)] == wanted
 
-    def test_the_speed_of_sound_changes(self) -> None:
+    def test_changes_of_the_sound_speed_are_noted(self) -> None:
         stamps = [1.7e9 + k for k in range(5)]
         assert self.notes_of(stamps, [1480.0, 1480.0, 1497.5, 1497.5, 1482.0]) == [
             "the speed of sound changes 2 times, between 1480.0 and 1497.5 m/s"
         ]
 
 
-def test_strength_images_without_a_time_belong_by_number() -> None:
+def test_strength_images_without_a_time_are_matched_by_number() -> None:
     levels = np.full((3, 4), 50)
     for order in (1, -1):
         messages = [range_image(3, np.ones((3, 4), int)), strength_image(3, levels)][::order]
