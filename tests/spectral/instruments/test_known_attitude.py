@@ -167,11 +167,6 @@ class TestFlatBed:
         with pytest.raises(InputError, match=r"all its points lie in one plane .* a prior with attitude, heading"):
             registrar.prepare(Scan(seen(bed(1), HERE), prior=prior))
 
-    @pytest.mark.slow
-    def test_a_structured_place_does_not_match_it(self, registrar, flat, scans):
-        for prior in (None, PosePrior(THERE, SIGMAS)):
-            assert not registrar.register(flat[0], replace(scans[1], prior=prior)).accepted
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("degrees", "about"), [(9.0, 0.6), (9.0, 2.0), (7.5, 2.0)])

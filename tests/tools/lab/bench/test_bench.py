@@ -22,7 +22,7 @@ from sonarmap.tools.lab.bench.kernels import CASES, measure_case, measure_kernel
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
-from sonarmap.tools.lab.bench.timing import interleave, summarize
+from sonarmap.tools.lab.bench.timing import interleave
 from sonarmap.tools.lab.bench.workload import Workload
 from tests.samples.places import ROOT
 
@@ -52,11 +52,6 @@ def stored(short_run: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TestTiming:
-    def test_quartiles_of_a_known_list(self) -> None:
-        times = summarize([5.0, 1.0, 2.0, 4.0, 3.0])
-        assert (times.count, times.least, times.first_quartile, times.median) == (5, 1.0, 2.0, 3.0)
-        assert (times.third_quartile, times.most, times.most_over_median) == (4.0, 5.0, pytest.approx(5 / 3))
-
     def test_calls_take_turns_after_a_warm_up(self) -> None:
         calls: list[str] = []
         others = [lambda: calls.append("b"), lambda: calls.append("c")]

@@ -59,11 +59,3 @@ def test_occupied_and_void_voxels_flip_equally_often_everywhere():
     # within four standard errors of the share
     for part in (occupied, ~occupied, *(np.indices(occupied.shape) < 25)):
         assert abs(flipped[part].mean() - 0.04) < 4 * np.sqrt(0.04 * 0.96 / part.sum())
-
-
-def test_the_seed_decides_which_voxels_flip():
-    occupied, noise = scattered(0.01), VoxelNoise(0.1, 1)
-    assert_array_equal(swap(occupied, noise, generator()), swap(occupied, noise, generator()))
-    assert (swap(occupied, noise, generator()) != swap(occupied, noise, generator(4))).any()
-    turned = np.asfortranarray(occupied)
-    assert_array_equal(swap(turned, noise, generator()), swap(occupied, noise, generator()))

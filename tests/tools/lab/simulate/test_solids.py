@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.structures import occupy, surface_points, voxel_scan
+from sonarmap.tools.lab.reproduce.structures import occupy, surface_points
 from sonarmap.tools.lab.simulate.scenes.bed import raster
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, surface_distance, triangle_distance
@@ -136,13 +136,6 @@ class TestOccupy:
         points = np.array([[0, 0, 0], [0.24, -0.26, 1.0], [-4.0, 3.5, 0], [4.1, 0, 0], [0, -4.3, 0]])
         occupied = occupy(points, grid)
         assert set(map(tuple, np.argwhere(occupied).tolist())) == {(8, 8, 8), (8, 7, 10), (0, 15, 8)}
-
-    def test_a_voxel_scan_has_the_points_in_their_voxels(self) -> None:
-        grid = Grid(32, 0.7)
-        points = np.random.default_rng(3).uniform(-10.8, 10.8, (500, 3))
-        scan = voxel_scan(occupy(points, grid), grid, "s")
-        assert np.abs(scan.points[KDTree(scan.points).query(points)[1]] - points).max() <= 0.35 + 1e-5
-        assert (occupy(scan.points, grid) == occupy(points, grid)).all()
 
 
 COUNT = len(raster()) ** 2
