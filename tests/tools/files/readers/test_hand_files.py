@@ -110,7 +110,6 @@ def test_control_points_of_a_grid_are_placed_in_the_map(tmp_path: Path) -> None:
         (f"{TIE}\n1,2,add\n# other\n2,1,reject\n", "lines 2 and 4 both have a verdict on dive1"),
         (f"{TIE},kept\n1,2,add,yes\n", "line 1: there is a column 'kept'"),
         (f"{TIE},x_m\n1,2,add,3\n", "a transform needs a column y_m too"),
-        (f"{TIE}\n1,2\n", "line 2: it has 2 cells where the heading has 3"),
         (f"{TRANSFORM}1,2,accept,1,2,3,0,0,0,0.1,1,\n", "only add takes one"),
         (f"{TRANSFORM}1,2,add,1,2,3,0,0,nan,0.1,1,\n", "yaw_deg is 'nan'"),
         (f"{TRANSFORM}1,2,add,1,2,3,0,0,4,0,1,\n", "sigma_m is '0'; wanted a number from 0.0001"),

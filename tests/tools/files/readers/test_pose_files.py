@@ -51,8 +51,6 @@ E01 = f"EDGE_SE3:QUAT 0 1 1 2 3 0 0 0 1 {INFORMATION}"
 GRAPH_FAULTS = (
     ([V0, V1.replace("0.2", "nan")], "line 2 .*NaN"),
     ([V0, V1, E01.replace(" 3 ", " NaN ")], "line 3 .*NaN"),
-    ([V0, V1.replace("0.2", "0.2x")], "line 2.*'0.2x'"),
-    ([V0, V1.rsplit(" ", 1)[0]], "line 2 has 7 columns; wanted 8"),
     ([V0, V1, "", "# a comment", E01.rsplit(" ", 1)[0]], "line 5 has 29 columns; wanted 30"),
     (
         [V0, "VERTEX_SE2 1 2 3 4"],
@@ -64,7 +62,6 @@ GRAPH_FAULTS = (
     ([V0, V1.replace(" 1 1 ", " 1.5 1 ")], "line 2.*whole numbers"),
     ([V0, V1, "FIX"], "line 3"),
     ([V0, V1, E01.replace("1 0 0 0 0 0 1", "1 2 0 0 0 0 1")], "line 3.*not positive definite"),
-    ([V0, V1.replace("0.1 0.2 0.3 0.9", "0 0 0 0")], "line 2 .*zero quaternion"),
     ([E01.replace("0 1", "0 2", 1)], "no VERTEX_SE3:QUAT"),
 )
 
@@ -76,7 +73,6 @@ GRAPH_FAULTS = (
         (read_tum, f"{POSE}\nnan 1 2 3 0 0 0 1\n", "line 3 .*NaN"),
         (read_tum, "0 1 two 3 0 0 0 1\n", "line 1.*'two'"),
         (read_tum, "0 1 2 3 0 0 0 0\n", "line 1 .*zero quaternion"),
-        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 1\n", "line 2 has 11 columns"),
         (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 -1 7\n", "line 2 is not a rigid transform"),
         (read_gt_log, "", "holds no line"),
         (read_gt_log, f"0\n{MATRIX}", r"line 1 is '0'; wanted the numbers of two scans"),

@@ -43,8 +43,6 @@ def test_strength_goes_by_many_names(tmp_path, name):
     "content",
     [
         text(),
-        text(","),
-        text(";"),
         text("  ", end="\r\n"),
         b"\xef\xbb\xbf" + text(","),
         "# a survey in the Weser, März\n\n".encode() + text(),

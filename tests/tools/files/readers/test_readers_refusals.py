@@ -79,7 +79,6 @@ def test_an_npz_with_a_wrong_size_in_its_header_is_not_unpacked(tmp_path):
         (".ply", ply("ascii").replace(b"double y", b"double w"), "no column y among"),
         (".ply", ply().replace(b"property float x", b"property list uchar float x"), "list property"),
         (".ply", ply("ascii").replace(b"7 -2.25", b"-2.25"), "line 11 has 4 columns; wanted 5"),
-        (".ply", ply("ascii").replace(b"-2.25", b"-2,25"), "line 11: '-2,25' is not a number"),
         (".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH 4"), "POINTS 5 and WIDTH x HEIGHT 4 x 1"),
         (".pcd", pcd("binary").replace(b"SIZE 2 4", b"SIZE 2 3"), "SIZE '3'"),
         (".pcd", pcd("binary").replace(b"FIELDS", b"FILDS"), "no FIELDS"),
@@ -89,10 +88,8 @@ def test_an_npz_with_a_wrong_size_in_its_header_is_not_unpacked(tmp_path):
         (".csv", b"1;2;3,5\n", "line 1: '3,5' is not a number"),
         (".xyz", b"1 2 3\n1 2 \xc2\xa03\n", "line 2: .* is not a number"),  # NumPy divides there
         (".xyz", b"1 2 3\n1 2 1_0\n", "line 2: '1_0' is not a number"),
-        (".csv", b"1,2,3\n1,2,3,\n", "line 2 has 4 columns; wanted 3"),
         (".txt", b"1 2 3 4 5 6\n", "line 1 has 6 columns.*names the columns"),
         (".txt", b"1 2 3\n4 5 6 # m\xe4rz\n", "line 2 is not UTF-8"),
-        (".npy", npy(np.zeros(6, np.float32)), r"shape \(6,\); wanted"),
         (".npy", npy(np.zeros((6, 5))), r"shape \(6, 5\); wanted"),
         (".npy", npy(np.zeros((0, 3))), "no points"),
         (".npy", npy(np.zeros((2, 3), complex)), "array of complex128"),

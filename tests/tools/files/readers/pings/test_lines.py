@@ -245,7 +245,6 @@ WRONG: list[tuple[str, Callable[[], bytes], str]] = [
         "it holds Reson 7125; of XTF only R2Sonic's packets .BTH0. are read: export",
     ),
     (".xtf", lambda: xtf(LINE, fan(3), kind=17), "it holds processed bathymetry .XYZA.; of XTF .*: export it as GSF"),
-    (".xtf", lambda: xtf(LINE, fan(3), kind=28), "it holds QINSy multibeam; of XTF .*: export it as GSF"),
     (".xtf", lambda: xtf(LINE, fan(3), units=0), r"not in degrees \(NavUnits 0, wanted 3\)"),
     (".xtf", lambda: xtf(LINE, fan(3))[:900], "less than its header"),
     (".all", lambda: EM.position(START, 1.0, 2.0), "it holds no soundings; wanted datagrams X"),
