@@ -19,9 +19,8 @@ from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
 from tests.samples.scenes.structures import TURN, assert_near, moved, registered, structure
 
 
-def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int = 3) -> Scan:
-    points = np.random.default_rng(seed).uniform(low, high, (count, 3)).astype(np.float32)
-    return Scan(points)
+def box_scan(low: list[float], high: list[float]) -> Scan:
+    return Scan(np.random.default_rng(3).uniform(low, high, (5000, 3)).astype(np.float32))
 
 
 @pytest.mark.parametrize(

@@ -117,11 +117,11 @@ def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused(voxel: float, wor
         preparer.prepare(Scan(structure(2)))
 
 
-def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:
+def gaussian_peak(cov: np.ndarray) -> Peak:
     steps = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1)
     exponent = np.einsum("...i,ij,...j->...", steps, np.linalg.inv(cov), steps)
     neighborhood = np.exp(-0.5 * exponent).astype(np.float32)
-    return Peak(np.zeros(3, int), np.zeros(3), 1.0, 1.0, psr, neighborhood, 0.0, 1.0)
+    return Peak(np.zeros(3, int), np.zeros(3), 1.0, 1.0, 200.0, neighborhood, 0.0, 1.0)
 
 
 def test_the_width_of_a_gaussian_peak_is_its_covariance() -> None:

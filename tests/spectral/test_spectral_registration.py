@@ -122,9 +122,9 @@ class TestViews:
         assert all(alternative.probability < 0.2 for alternative in registration.alternatives)
 
 
-def sail(seed: int, count: int = 6000) -> np.ndarray:
-    """Points (count, 3) of a twisted strip, 12 m high, no part of which hides another from the side or the front."""
-    z, along = np.random.default_rng(seed).uniform([-6, -3], [6, 3], (count, 2)).T
+def sail(seed: int) -> np.ndarray:
+    """Points (6000, 3) of a twisted strip, 12 m high, no part of which hides another from the side or the front."""
+    z, along = np.random.default_rng(seed).uniform([-6, -3], [6, 3], (6000, 2)).T
     return np.column_stack([3 * np.sin(0.5 * z) + along, 2 * np.cos(0.9 * z + 1) + along + 0.15 * along**2, z])
 
 

@@ -66,10 +66,9 @@ def add_stub(folder: Path, name: str, source: str) -> None:
     (folder / f"{name}.icd").write_text(str(library))
 
 
-def chosen_in_a_new_process(then: str = "") -> subprocess.CompletedProcess[str]:
-    """Run a process that chooses a device and prints its selector, or runs `then`."""
-    program = f"from sonarmap.kernels.device.device import choose_device\nchosen = choose_device()\n{then}"
-    program += "" if then else "print(chosen.selector)"
+def chosen_in_a_new_process() -> subprocess.CompletedProcess[str]:
+    """Run a process that chooses a device and prints its selector."""
+    program = "from sonarmap.kernels.device.device import choose_device; print(choose_device().selector)"
     return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
 
 

@@ -35,8 +35,8 @@ def real(shape: tuple[int, ...], seed: int = 7) -> np.ndarray:
     return np.random.default_rng(seed).normal(0.3, 1.0, shape).astype(np.float32)
 
 
-def complex_(shape: tuple[int, ...], seed: int = 8) -> np.ndarray:
-    return (real(shape, seed) + 1j * real(shape, seed + 100)).astype(np.complex64)
+def complex_(shape: tuple[int, ...]) -> np.ndarray:
+    return (real(shape, 8) + 1j * real(shape, 108)).astype(np.complex64)
 
 
 def half(spectrum: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:

@@ -13,13 +13,13 @@ EDGES = (16, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (18, 40)))
 TOLERANCE = 2e-6
 
 
-def slab(edge, seed, count=400):
-    """(count, 4): a tilted slab of unequal weights that leaves most planes and rows empty; a few points outside."""
+def slab(edge, seed):
+    """(400, 4): a tilted slab of unequal weights that leaves most planes and rows empty; a few points outside."""
     rng = np.random.default_rng(seed)
-    x, y = rng.uniform(-0.3, 0.35, (2, count)) * edge
-    z = 0.2 * x - 0.1 * y + rng.normal(size=count)
+    x, y = rng.uniform(-0.3, 0.35, (2, 400)) * edge
+    z = 0.2 * x - 0.1 * y + rng.normal(size=400)
     x[:3] = edge
-    return np.column_stack([x, y, z, rng.uniform(0.2, 3, count)]).astype(np.float32)
+    return np.column_stack([x, y, z, rng.uniform(0.2, 3, 400)]).astype(np.float32)
 
 
 def centered(spectrum):

@@ -11,10 +11,10 @@ from tests.spectral.surfaces import chosen_device, surface_of
 TURN = Rotation.from_euler("ZYX", [40, -25, 12], degrees=True)
 
 
-def noisy_plane(sigma: float = 0.4) -> np.ndarray:
+def noisy_plane() -> np.ndarray:
     """Points (900, 3), one per voxel, on z = 0 with noise along z [voxels]."""
     x, y = np.meshgrid(np.arange(-15.0, 15.0), np.arange(-12.0, 18.0), indexing="ij")
-    return np.column_stack([x.ravel(), y.ravel(), np.random.default_rng(1).normal(0, sigma, x.size)])
+    return np.column_stack([x.ravel(), y.ravel(), np.random.default_rng(1).normal(0, 0.4, x.size)])
 
 
 def test_noise_along_the_normal_is_averaged() -> None:

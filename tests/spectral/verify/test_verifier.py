@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import choose_device
@@ -69,10 +69,10 @@ def looked_at(
     return ranked(observed(verifier, pair, hypotheses))
 
 
-def shift_of(pair: tuple[SpectralScan, SpectralScan], T: RigidTransform = TRUE) -> np.ndarray:
-    """Between the grids' centers [voxels]."""
+def shift_of(pair: tuple[SpectralScan, SpectralScan]) -> np.ndarray:
+    """The true one between the grids' centers [voxels]."""
     target, source = pair
-    return (T.apply(source.volume.center) - target.volume.center) / VOXEL
+    return (TRUE.apply(source.volume.center) - target.volume.center) / VOXEL
 
 
 def peaks(*rotations: Rotation) -> RotationPeaks:

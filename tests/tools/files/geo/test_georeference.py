@@ -12,15 +12,10 @@ GEOD = Geod(ellps="WGS84")
 PLACES = [(60.0, 5.9999), (-70.1, -68.3), (-17.5, 179.9995), (89.0, 40.0)]
 
 
-def random_points(seed: int, reach: float = 900.0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return rng.uniform(-reach, reach, (200, 3)) * [1, 1, 0.1]
-
-
 @pytest.mark.parametrize("place", PLACES)
 def test_local_is_the_inverse_of_geodetic(place: tuple[float, float]) -> None:
     here = Georeference(*place, height=-3.25, heading=37.5)
-    points = random_points(1)
+    points = np.random.default_rng(1).uniform(-900, 900, (200, 3)) * [1, 1, 0.1]
     np.testing.assert_allclose(here.local(here.geodetic(points)), points, atol=1e-6)
 
 

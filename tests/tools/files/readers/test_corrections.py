@@ -16,12 +16,12 @@ from tests.samples.refusals import refuses
 POINTS = np.array([[1.5, -2.25, 0.75], [6.75, 0.125, -3.5]])
 
 
-def write_recording(path: Path, speeds: list[float], right: float = 1500.0) -> np.ndarray:
+def write_recording(path: Path, speeds: list[float]) -> np.ndarray:
     """Shots of one wall, 1 to 7 m off, each with ranges that a sonar with this speed of sound computes; their truth."""
     true_ranges = np.random.default_rng(1).uniform(1.0, 7.0, (6, 8))
     packets = []
     for shot, speed in enumerate(speeds):
-        image = range_image(shot, np.rint(true_ranges * (speed or right) / right / 1e-4).astype(int))
+        image = range_image(shot, np.rint(true_ranges * (speed or 1500.0) / 1500.0 / 1e-4).astype(int))
         image.image_pixel_scale, image.speed_of_sound = 1e-4, speed
         packets.append(rip.packb(image))
     path.write_bytes(b"".join(packets))

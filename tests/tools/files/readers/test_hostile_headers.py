@@ -37,8 +37,8 @@ def pcd(count: str = "1", width: str = "0", encoding: str = "binary", more: int 
     ).encode()
 
 
-def npy(shape: str, dtype: str = "<f4") -> bytes:
-    header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+def npy(shape: str) -> bytes:
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
 
 

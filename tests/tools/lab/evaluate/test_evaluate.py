@@ -23,8 +23,8 @@ from sonarmap.tools.lab.evaluate.trajectory import (
 MOVE = RigidTransform.from_components((500.0, -30.0, 7.0), Rotation.from_euler("ZYX", (2.1, -0.4, 0.7)))
 
 
-def _walk(count: int, seed: int = 0) -> Trajectory:
-    rng = np.random.default_rng(seed)
+def _walk(count: int) -> Trajectory:
+    rng = np.random.default_rng(0)
     places = np.cumsum(rng.uniform(-1, 3, (count, 3)), axis=0)
     turns = Rotation.from_rotvec(rng.normal(0, 0.5, (count, 3)))
     return Trajectory(np.arange(count, dtype=np.float64), RigidTransform.from_components(places, turns))

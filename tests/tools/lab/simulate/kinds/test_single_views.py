@@ -21,11 +21,11 @@ from tests.samples.scenes.simulated import QUIET
 FEW = Sensor("few", np.deg2rad(60), np.deg2rad(40), 31, 21, 0.1, 40.0)
 
 
-def _shot(scene: str = "shallow", noise: Noise = QUIET, seed: int = 3) -> Shot:
+def _shot(scene: str = "shallow", seed: int = 3) -> Shot:
     observer = observer_of(scene, 9)
     few = Observer(observer.world, replace(observer.sensor, columns=64, rows=32))
     view = first_view(few, 0.15, np.random.default_rng(2))
-    return Shot(few, view, noise, np.random.default_rng(seed), np.random.default_rng(1), "source")
+    return Shot(few, view, QUIET, np.random.default_rng(seed), np.random.default_rng(1), "source")
 
 
 def _ranges(points: np.ndarray) -> np.ndarray:

@@ -35,8 +35,8 @@ def _fan(angles: tuple[float, ...], gains: tuple[float, ...] | None = None) -> F
     return Fan(SENSOR, AHEAD[None], rays[None], np.array(gains or (1.0,) * len(angles)))
 
 
-def _still(place: tuple[float, float, float], count: int = 1) -> Sweep:
-    here = RigidTransform.from_components(np.zeros((count, 3)), Rotation.from_euler("z", np.zeros((count, 1))))
+def _still(place: tuple[float, float, float]) -> Sweep:
+    here = RigidTransform.identity(1)
     return Sweep(RigidTransform.from_translation(place), here, here)
 
 
