@@ -35,34 +35,25 @@ def a_file_instead(out: Path) -> None:
     out.write_text("mine")
 
 
-def when(patch: Patch, function: str, remove: Callable[[], None], after: bool = False) -> None:
-    """Call `remove` at the first call of a function, given as module:name."""
+def before(patch: Patch, function: str, remove: Callable[[], None]) -> None:
+    """Call `remove` before the first call of a function, given as module:name."""
     module, name = function.split(":")
     *parts, name = name.split(".")
     place: Any = reduce(getattr, parts, import_module(module))
-    original, calls = getattr(place, name), []
+    original, waiting = getattr(place, name), [remove]
 
     def wrapped(*args: Any, **options: Any) -> Any:
-        calls.append(name)
-        if len(calls) == 1 and not after:
-            remove()
-        result = original(*args, **options)
-        if len(calls) == 1 and after:
-            remove()
-        return result
+        if waiting:
+            waiting.pop()()
+        return original(*args, **options)
 
     patch.setattr(place, name, wrapped)
 
 
-BEFORE, AFTER = False, True
-KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.products.output.folder:write_ply"
-
-
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("remove", [folder, journal, a_file_instead])
-@pytest.mark.parametrize("moment", [BEFORE, AFTER])
-def test_removal_while_saving(out: Path, scans: list[str], remove: Removal, moment: bool, monkeypatch: Patch) -> None:
-    when(monkeypatch, KEEP, lambda: remove(out), moment)
+def test_removal_while_saving(out: Path, scans: list[str], remove: Removal, monkeypatch: Patch) -> None:
+    before(monkeypatch, "sonarmap.slam.execute.journal:Journal.add", lambda: remove(out))
     result = sonarmap("map", *scans, "-o", out, *GRID, "--json")
     refused(result, f"{out / 'journal.sqlite'} was removed or replaced while this run was using it", "again")
     assert not out.is_dir() or files_in(out) == {}
@@ -70,21 +61,20 @@ def test_removal_while_saving(out: Path, scans: list[str], remove: Removal, mome
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
-    ("verb", "function", "moment"),
+    ("verb", "function"),
     [
-        ("map", WRITE, AFTER),
-        ("map", "sonarmap.tools.products.output.folder:write_json", BEFORE),
-        ("map", "sonarmap.tools.products.output.folder:write_survey", AFTER),
-        ("simulate", "sonarmap.tools.lab.simulate.folder:write_ply", AFTER),
+        ("map", "sonarmap.tools.products.output.folder:write_json"),  # after the first files
+        ("map", "sonarmap.tools.command.verbs.map:_write_report_and_exports"),  # after the last
+        ("simulate", "sonarmap.tools.lab.simulate.folder:write_tum"),
     ],
 )
 @pytest.mark.parametrize("remove", [folder, a_file_instead])
 def test_removal_while_writing(
-    out: Path, scans: list[str], remove: Removal, verb: str, function: str, moment: bool, monkeypatch: Patch
+    out: Path, scans: list[str], remove: Removal, verb: str, function: str, monkeypatch: Patch
 ) -> None:
-    when(monkeypatch, function, lambda: remove(out), moment)
+    before(monkeypatch, function, lambda: remove(out))
     arguments = (*scans[:2], *GRID, "--json") if verb == "map" else ("--scene", "pool", "--scans", "2")
-    refused(sonarmap(verb, *arguments, "-o", out), "error: ", "" if verb == "map" else "cannot write ", str(out))
+    refused(sonarmap(verb, *arguments, "-o", out), "error: ", str(out))
     assert not out.is_dir() or files_in(out) == {}
     assert remove is folder or out.read_text() == "mine"
 
@@ -93,7 +83,7 @@ def test_removal_while_writing(
 def test_removal_while_optimizing(out: Path, remove: Removal, monkeypatch: Patch) -> None:
     source = out.parents[1] / "in.g2o"
     source.write_bytes(POSE_FILES["g2o"].content)
-    when(monkeypatch, "sonarmap.tools.files.writers.poses:_line", lambda: remove(out))
+    before(monkeypatch, "sonarmap.tools.files.writers.poses:_line", lambda: remove(out))
     result = sonarmap("optimize", source, "-o", out / "out.g2o")
     if remove is folder:  # nothing was written yet: the folder is created again
         assert result.exit_code == 0

@@ -194,7 +194,7 @@ def test_an_earlier_map_is_not_used_as_a_scan(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_exports_are_written_for_each_map(two_places: tuple[list[str], Path, Result]) -> None:
+def test_scans_of_two_places_give_two_maps_with_their_exports(two_places: tuple[list[str], Path, Result]) -> None:
     _, out, result = two_places
     names = ["map.mcap", "map_2.mcap", "graph.csv"]
     second = ["map_2.ply", "map_all_2.ply", "map_2.png", "trajectory_2.tum"]
@@ -202,3 +202,8 @@ def test_exports_are_written_for_each_map(two_places: tuple[list[str], Path, Res
     assert all(name in result.stdout for name in names)
     tried = [(int(row["target"]), int(row["source"])) for row in table_of(out / "pairs.csv") if row["kept"] == "yes"]
     assert not any(i < 2 <= j for i, j in tried)
+    summary = strict_json((out / "summary.json").read_text())
+    assert [part["scans"] for part in summary["components"]] == [[0, 1], [2, 3]]
+    assert summary["gaps"] == [[1, 2]]
+    assert "4 of 4 placed in 2 separate maps" in result.stdout
+    said(result, "gap between b and c: refused by the registration", "2 separate parts")
