@@ -3,12 +3,18 @@
 import numpy as np
 from scipy.linalg import block_diag
 
+from sonarmap.tools.products.compare.distances import Distances, distances_between
 from sonarmap.tools.products.compare.surface import Epoch, levers
 
 VOXEL = 0.5
 NOISE = 0.05  # [m]
 SCANS = 4
+ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)
 _SIGMAS = np.repeat([2e-3, 0.03], 3)  # of poses [rad, m]
+
+
+def compared(old: Epoch, new: Epoch) -> Distances:
+    return distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, 2 * VOXEL)
 
 
 def bed(flat: np.ndarray) -> np.ndarray:

@@ -9,16 +9,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.tangent import lengths
 from sonarmap.tools.products.compare.comparison import Comparison, agreed
-from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between, regions_of
-from sonarmap.tools.products.compare.surface import RADIUS, Epoch, cores_of, layer_of
+from sonarmap.tools.products.compare.distances import Verdict, distances_between, regions_of
+from sonarmap.tools.products.compare.surface import RADIUS, cores_of, layer_of
 from tests.samples.surveys import drawn
-from tests.tools.products.compare.made_up import NOISE, VOXEL, bed, surveyed
-
-ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)
-
-
-def compared(old: Epoch, new: Epoch) -> Distances:
-    return distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, 2 * VOXEL)
+from tests.tools.products.compare.made_up import ALIGNMENT, NOISE, VOXEL, bed, compared, surveyed
 
 
 def test_distances_equal_those_of_m3c2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,13 +158,6 @@ def test_pose_errors_are_correlated_between_points() -> None:
     every = np.arange(len(distances.compared))
     apart = np.sqrt(np.sum((distances.cores.area * distances.sigma)[distances.compared] ** 2))
     assert distances.sigma_of_sum(every) > 3 * apart
-
-
-def test_disjoint_surveys_have_no_regions() -> None:
-    old = surveyed(1, size=5.0)
-    distances = compared(old, surveyed(2, size=5.0).moved(RigidTransform.from_translation([100.0, 0, 0])))
-    assert set(np.unique(distances.verdict)) == {Verdict.OLD_ONLY, Verdict.NEW_ONLY}
-    assert not regions_of(distances)
 
 
 def test_a_level_above_the_bound_is_unsure() -> None:
