@@ -14,9 +14,7 @@ from tests.samples.clutter_scans import (
     T_WORLD_SENSOR,
     printed,
     refused,
-    scan,
     sonarmap,
-    write,
 )
 
 VOXEL = ("--voxel", "0.4")
@@ -44,14 +42,6 @@ def test_register_prints_the_result_as_json(pair: list[str], method: str) -> Non
     assert found["voxel"] == 0.4
     assert 0 < found["overlap"] <= 1
     assert np.linalg.eigvalsh(found["covariance"]).min() > 0
-
-
-def test_scans_of_two_places_are_not_accepted(tmp_path: Path) -> None:
-    pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
-    result = sonarmap("register", *pair, "--method", "icp", *VOXEL, "--json")
-    found = printed(result, 3)
-    assert (found["accepted"], result.stderr) == (False, "")
-    assert "wanted at least" in found["reason"]
 
 
 def test_the_voxel_size_follows_from_grid_as_for_the_spectral_method(pair: list[str]) -> None:
