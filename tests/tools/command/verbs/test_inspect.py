@@ -12,11 +12,8 @@ from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.clutter_scans import done, printed, refused, said, scan, sonarmap, write
-from tests.samples.places import DATA
 from tests.samples.recordings import imu_packets, shot_packets
 from tests.tools.files.readers.navigation.logs import START
-
-REAL = DATA / "sonar3d15" / "ship_short.sonar"
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +93,6 @@ class TestOtherFormats:
         said(shown, "cannot be read")
         assert "2: a to b" in shown.stdout
 
-    def test_a_single_scan_is_too_few_for_a_map(self, tmp_path: Path) -> None:
-        write(tmp_path, a=scan(0))
-        assert "a map needs at least two scans" in sonarmap("inspect", tmp_path / "a.ply").stdout
-        assert as_json(tmp_path / "a.ply")["next"] is None
-
     def test_sound_speed_is_refused_for_a_format_without_one(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
         words = ("--sound-speed 1490 cannot be used, as a PLY file does not say", "give --range-scale instead")
@@ -143,22 +135,6 @@ class TestImuOption:
     def test_a_method_without_priors_ignores_the_imu(self, pair: Path, options: list[str]) -> None:
         shots = [f"{pair / 'dive.sonar'}#{k}" for k in (0, 1)]
         said(sonarmap("register", *shots, *options, "--voxel", "1"), "2 of 2 scans: their own IMU is not used")
-
-
-def test_an_empty_recording_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "void.sonar").write_bytes(b"")
-    refused(sonarmap("inspect", tmp_path / "void.sonar"), "void.sonar")
-
-
-def test_a_real_recording_of_a_ship() -> None:
-    if not REAL.exists():
-        pytest.skip(f"no real recording at {REAL}")
-    found = as_json(REAL, "--names")
-    assert found["names"] == [f"ship_short#{k}" for k in range(6)]
-    assert found["clock"]["rate_hz"] == pytest.approx(6.0, abs=0.01)
-    assert found["clock"]["start_utc"] == "2024-05-27 13:17:15"
-    assert found["sound_speed_mps"] == [1491.0, 1491.0]
-    assert (found["notes"], found["strengths"], found["attitudes"]) == ([], 6, 0)
 
 
 ROWS = 100

@@ -156,25 +156,6 @@ def test_killed_at_random_moments_map_gives_the_same_bytes(scans: Path, undistur
 
 
 @pytest.mark.slow
-def test_another_scan_registers_no_finished_pair_again(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
-    fewer = tmp_path / "fewer"
-    fewer.mkdir()
-    for k in range(11):
-        (fewer / f"scan_{k:03}.ply").symlink_to(scans / f"scan_{k:03}.ply")
-    run(fewer, tmp_path / "out")
-    before = len(computed(tmp_path / "out"))
-    (fewer / "scan_011.ply").symlink_to(scans / "scan_011.ply")
-    run(fewer, tmp_path / "out")
-    counts = computed(tmp_path / "out")
-    assert max(counts) == 1
-    new = [pair for pair in times(tmp_path / "out")["pairs"] if not pair["from_journal"]]
-    assert len(new) == len(counts) - before
-    # another scan can change which loops are tried
-    assert sum(11 in (pair["target"], pair["source"]) for pair in new) >= len(new) // 2
-    assert (tmp_path / "out" / "map.ply").read_bytes() == (undisturbed / "map.ply").read_bytes()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_stop_and_resume(scans: Path, undisturbed: Path, tmp_path: Path, sent: signal.Signals, workers: str) -> None:

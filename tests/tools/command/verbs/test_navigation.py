@@ -28,10 +28,12 @@ SIGMAS = ("--prior-sigmas", "0.5,3,0.25,4")
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Three scans, and a log beside them that has a row for each by its number."""
+    """Three scans; beside them log.csv with a row for each by its number, and nav.csv with rows for two by name."""
     write(tmp_path, **{f"scan_{k}": scan(k) for k in range(3)})
     rows = "".join(f"{k + 37};{60.3913 + k * 1e-5:.6f};5,3221;KP{k};{2 * k}\n" for k in range(3)).replace(".", ",")
     (tmp_path / "log.csv").write_text("stamp;Lat;Lon;Note;KP_DEPTH\n" + rows)
+    nav = "name,depth_m,heading_deg,heading_sigma_deg\nscan_0.ply,5,90,2\nscan_2,7,80,2\n"
+    (tmp_path / "nav.csv").write_text(nav)
     return tmp_path
 
 
@@ -88,13 +90,19 @@ def test_invalid_options_are_refused(folder: Path, options: tuple[str, ...], wor
         ("map scans -o out --nav-frame enu", "--nav-frame has no effect without a file of navigation"),
         ("map scans -o out --odometry-drift 1,10", "--odometry-drift has no effect without --odometry"),
         ("register scans/a.ply scans/b.ply --prior-sigmas 1,1,1,1", "--prior-sigmas has no effect without --priors"),
-        ("simulate -o sim --fix-every 3", "no effect without --priors position"),
+        ("simulate -o out --fix-every 3", "no effect without --priors position"),
+        ("simulate -o out --like description.json --scene harbor --seed 9", "leave out --scene, --seed"),
+        ("simulate -o out --trajectory table1 --sensor sonar3d15", "--sensor has no effect with --trajectory table1"),
+        ("simulate -o out --scans 1 --quiet --set noise.ghosts=1", "ghosts is"),
     ],
 )
-def test_unused_options_are_refused(tmp_path: Path, line: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_and_unused_options_are_refused(
+    tmp_path: Path, line: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "scans", a=scan(0), b=scan(1))
-    refused(sonarmap(*line.split()), *words.split("; "))
+    refused(sonarmap(*line.split()), words)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> None:
@@ -113,7 +121,6 @@ def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> Non
 
 
 SMALL = ("--scene", "harbor", "--scans", "3", "--sensor", "paper", "--spacing", "5", "--quiet")
-NAV = "name,depth_m,heading_deg,heading_sigma_deg\n"
 
 
 @pytest.fixture(scope="module")
@@ -148,13 +155,6 @@ class TestSimulated:
 
 
 class TestVerbs:
-    @pytest.fixture
-    def folder(self, tmp_path: Path) -> Path:
-        """Three scans and nav.csv beside them, with a row for two of them."""
-        write(tmp_path, **{f"scan_{k}": scan(k) for k in range(3)})
-        (tmp_path / "nav.csv").write_text(NAV + "scan_0.ply,5,90,2\nscan_2,7,80,2\n")
-        return tmp_path
-
     def test_map_reads_scans_with_priors(self, folder: Path, seen: list[Scan]) -> None:
         options = ("--priors", folder / "nav.csv", "--prior-sigmas", "0.5,3,0.25,4", "--grid", "16")
         result = sonarmap("map", folder, "-o", folder / "out", *options)
@@ -179,12 +179,6 @@ class TestVerbs:
         said(result, "enough", "1 of 2 scans have no prior")
         assert [one.prior and float(one.prior.T_world_sensor.translation[2]) for one in seen] == [-7, None]
 
-    def test_map_refuses_a_row_of_an_unknown_scan(self, folder: Path) -> None:
-        (folder / "nav.csv").write_text(NAV + "scan_0,5,90,2\nscan_7,7,80,2\n")
-        options = ("--priors", folder / "nav.csv", "--prior-sigmas", "1,1,1,1")
-        refused(sonarmap("map", folder, "-o", folder / "out", *options), "nav.csv: line 3", "'scan_7'")
-        assert not (folder / "out").exists()
-
     @pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "1,2,3,0", "1,2,3,nan", "1,2,3,inf", "a,2,3,4", ""])
     def test_invalid_default_sigmas_are_refused(self, folder: Path, text: str) -> None:
         pair = (folder / "scan_0.ply", folder / "scan_1.ply")
@@ -194,20 +188,6 @@ class TestVerbs:
     def test_default_sigmas_are_in_the_order_of_the_help(self) -> None:
         sigmas = parse_prior_sigmas("1,2,3,4")
         assert sigmas == {"roll_deg": 1, "pitch_deg": 1, "heading_deg": 2, "depth_m": 3, "x_m": 4, "y_m": 4}
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ("--like description.json --scene harbor --seed 9", ["leave out --scene, --seed"]),
-        ("--like description.json --sensor paper", ["leave out --sensor"]),
-        ("--trajectory table1 --sensor sonar3d15", ["--sensor has no effect with --trajectory table1", "leave it out"]),
-        ("--scans 1 --quiet --set noise.ghosts=1", ["ghosts is"]),
-    ],
-)
-def test_simulate_refuses_invalid_and_unused_options(tmp_path: Path, options: str, words: list[str]) -> None:
-    refused(sonarmap("simulate", *options.split(), "-o", tmp_path / "out"), *words)
-    assert not (tmp_path / "out").exists()
 
 
 def scans_with(values: np.ndarray) -> list[Scan]:

@@ -72,39 +72,22 @@ def test_alternatives_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert listed["probability"] == 0.934
     others = listed["alternatives"]
     assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
-    counted = {2: "2 transforms could not be excluded", 1: "1 transform could not", 0: "every other transform could be"}
-
-    def words_of(**changed: Any) -> str:
-        print_registration(replace(found, **changed), chosen)
-        return capsys.readouterr().out
-
-    for count, words in counted.items():
-        shown = " ".join(words_of(alternatives=found.alternatives[:count]).split())
-        assert "this transform is right with a probability of 93.4%" in shown
-        assert words in shown
-    refusal = "NO RELIABLE REGISTRATION; do not use this transform"
-    assert words_of(accepted=False).startswith(f"{refusal} (right with a probability of 93.4%)")
-    unknown = words_of(probability=float("nan"), accepted=False)
-    assert "probab" not in unknown
-    assert unknown.startswith(f"{refusal}\n")
+    print_registration(found, chosen)
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "right with a probability of 93.4%" in shown
+    assert "2 transforms could not be excluded" in shown
+    print_registration(replace(found, probability=float("nan"), accepted=False), chosen)
+    refusal = capsys.readouterr().out
+    assert refusal.startswith("NO RELIABLE REGISTRATION")
+    assert "probab" not in refusal
 
 
 def test_an_accepted_pair_in_words(pair: list[str]) -> None:
     result = sonarmap("register", *pair, *GRID)
     assert (result.exit_code, result.stderr) == (0, "")
-    lines = result.stdout.splitlines()
-    assert lines[0].startswith("Registered: this transform is right with a probability of")
-    assert all(any(unit in line for line in lines) for unit in (" m ", "°", " s,", "voxels of", "%", "p_target ="))
-    check_words(lines[1])
-
-
-def check_words(sentence: str) -> None:
-    """The truth: 1.5 m forward, 0.8 m right, 0.3 m up; yaw +14, pitch +3 (nose down), roll -5 (left side down)."""
-    assert re.search(r" 1\.[45]\d\d m forward, 0\.[78]\d\d m right and 0\.[23]\d\d m up; it is turned ", sentence)
-    turned = (
-        r" 1[34]\.\d\d° to the left \(yaw\), [23]\.\d\d° nose down \(pitch\) and [45]\.\d\d° left side down \(roll\)"
-    )
-    assert re.search(turned, sentence)
+    assert result.stdout.startswith("Registered: this transform is right with a probability of")
+    # the truth: 1.5 m forward, 0.8 m right, 0.3 m up; yaw +14, pitch +3 (nose down), roll -5 (left side down)
+    assert re.search(r"1\.[45]\d\d m forward, 0\.[78]\d\d m right and 0\.[23]\d\d m up; it is turned ", result.stdout)
 
 
 @pytest.mark.parametrize(
@@ -115,8 +98,6 @@ def check_words(sentence: str) -> None:
          "(yaw), 20.00° nose down (pitch) and 10.00° right side down (roll)"),
         ([-2, -0.5, -0.25], [-30, -20, -10], "2.000 m back, 0.500 m right and 0.250 m down; it is turned 30.00° to the "
          "right (yaw), 20.00° nose up (pitch) and 10.00° left side down (roll)"),
-        ([0, 0, -7], [0, 0, 0], "the source's is 7.000 m down; it looks the same way."),
-        ([0, 0.0004, 0], [0, 0, -0.3], "is where the target's is; it is turned 0.30° left side down (roll), 0.30° in"),
         ([0, 0, 0], [0, 90, 0], "turned 90.00° nose down (pitch), 90.00° in all"),
     ],
 )  # fmt: skip
@@ -178,26 +159,16 @@ def strong_pair(tmp_path: Path) -> list[str]:
     return [*target, str(tmp_path / "source.ply")]
 
 
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("suffix", [".ply", ".PLY"])
-def test_the_moved_scan_lies_on_the_target(strong_pair: list[str], tmp_path: Path, suffix: str) -> None:
-    moved = tmp_path / f"moved{suffix}"
-    result = done(sonarmap("register", *strong_pair, *GRID, "-o", moved))
-    assert f"written to {moved}" in result.stdout
-    read = read_scan(moved)
-    # scan(0) and scan(1) are the same points, in the same order, in their own frames
-    assert np.linalg.norm(read.points - scan(0), axis=1).max() < 0.5
-    assert np.linalg.norm(read.points - scan(1), axis=1).max() > 2.0
-    assert read.strength is not None
-    np.testing.assert_array_equal(read.strength, np.linspace(0, 1, 7200, dtype=np.float32))
-
-
 def test_the_written_scan_is_moved_by_the_printed_transform(strong_pair: list[str], tmp_path: Path) -> None:
-    moved = tmp_path / "sub" / "moved.ply"
+    moved = tmp_path / "sub" / "moved.PLY"
     printed = json.loads(sonarmap("register", *strong_pair, *GRID, "--json", "-o", moved).stdout)
     assert printed["written"] == str(moved)
     T = np.array(printed["T_target_source"])
-    np.testing.assert_allclose(read_scan(moved).points, scan(1) @ T[:3, :3].T + T[:3, 3], atol=1e-5)
+    read = read_scan(moved)
+    np.testing.assert_allclose(read.points, scan(1) @ T[:3, :3].T + T[:3, 3], atol=1e-5)
+    # scan(0) and scan(1) are the same points, in the same order, in their own frames
+    assert np.linalg.norm(read.points - scan(0), axis=1).max() < 0.5
+    np.testing.assert_array_equal(read.strength, np.linspace(0, 1, 7200, dtype=np.float32))
     assert "written" not in json.loads(sonarmap("register", *strong_pair, *GRID, "--json").stdout)
 
 
@@ -216,12 +187,9 @@ def test_viewpoints_move_with_the_points(tmp_path: Path) -> None:
     assert read.strength is None
 
 
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("name", ["moved.xyz", "moved", "moved.pcd"])
-def test_unsupported_output_formats_are_refused_at_once(tmp_path: Path, name: str) -> None:
-    result = sonarmap("register", "missing.ply", "missing.ply", "-o", tmp_path / name)
-    assert result.stdout == ""
-    refused(result, name, "give a name that ends in .ply, as in -o moved.ply")
+def test_unsupported_output_formats_are_refused_at_once(tmp_path: Path) -> None:
+    result = sonarmap("register", "missing.ply", "missing.ply", "-o", tmp_path / "moved.xyz")
+    refused(result, "moved.xyz", "give a name that ends in .ply, as in -o moved.ply")
 
 
 def test_unwritable_outputs_are_refused_and_inputs_are_kept(strong_pair: list[str], tmp_path: Path) -> None:
