@@ -76,11 +76,10 @@ def test_reading_stops_at_a_damaged_or_missing_key(tmp_path: Path, damage: str) 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("voxel", {"a": 1}), ("voxel", 0.0), ("voxel", float("nan")), ("stamp", "soon"), ("stamp", float("inf")),
-        ("behind", {"file": "a", "count": "7", "shots": 0}), ("behind", {"file": None, "count": 7, "shots": 0}),
-        ("prior", [[[1.0]], [0.1]]), ("step", 7),
+        *(("voxel", float("nan")), ("stamp", "soon"), ("prior", [[[1.0]], [0.1]]), ("step", 7)),
+        ("behind", {"file": "a", "count": "7", "shots": 0}),
     ],
-)  # fmt: skip
+)
 def test_reading_stops_at_an_invalid_value(tmp_path: Path, name: str, value: object) -> None:
     """The file has valid checksums."""
     keep(tmp_path, 3)

@@ -114,21 +114,6 @@ def test_all_packets_are_in_the_file_which_is_renamed_at_the_end(tmp_path: Path,
     process.end()  # a second call has no effect
 
 
-def test_a_killed_recorder_starts_another_file(tmp_path: Path, to: tuple[str, int]) -> None:
-    process = begun(tmp_path, to)
-    sent(tmp_path, "001.part.sonar", PACKETS[:14], to)
-    (number,) = recorders(tmp_path)
-    os.kill(number, signal.SIGKILL)
-    messages = list[str]()
-    until(lambda: messages.extend(new_messages(process)) or bool(messages))
-    assert messages == ["the recording was killed, and begins again in another file"]
-    sent(tmp_path, "002.part.sonar", PACKETS[16:], to)
-    assert new_messages(process) == []
-    process.end()
-    assert files(tmp_path) == ["001.part.sonar", "002.sonar"]
-    assert [shots_in(tmp_path / "recording" / name) for name in files(tmp_path)] == [7, 12]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_repeatedly_killed_recorder_starts_again(tmp_path: Path, to: tuple[str, int], number: int) -> None:

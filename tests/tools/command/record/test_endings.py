@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -103,21 +102,6 @@ def test_a_crash_leaves_a_readable_part_that_the_next_recording_keeps(tmp_path: 
         recorder.wait()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["dive.part.sonar", "dive.sonar"]
     assert (shots_in(part), shots_in(tmp_path / "dive.sonar")) == (20, 1)
-
-
-def test_a_full_disk_leaves_whole_packets_in_the_part_that_is_named(tmp_path: Path) -> None:
-    most = sum(map(len, PACKETS[:11])) + 5  # within the twelfth
-
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
-
-    with running(tmp_path / "dive.sonar", limit=limit) as (recorder, to):
-        send(PACKETS, to)
-        _, errors = recorder.communicate()
-    assert recorder.returncode == 2
-    assert f"error: the recording ended, as {tmp_path}/dive.part.sonar cannot grow: File too large" in errors
-    assert (tmp_path / "dive.part.sonar").read_bytes() == b"".join(PACKETS[:11])
-    assert not (tmp_path / "dive.sonar").exists()
 
 
 LISTENER = """
