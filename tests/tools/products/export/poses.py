@@ -1,10 +1,9 @@
-"""A synthetic dive with loops, and its coordinates computed without the code under test."""
+"""A synthetic dive with loops, at places where conversions differ."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from pyproj import CRS, Transformer
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.files.geo import Georeference
@@ -39,34 +38,6 @@ def with_part(earth: Georeferenced, part, **of_folder) -> Georeferenced:
     """The same map with another part and other fields of its folder."""
     folder = replace(earth.folder, parts=(part,), **of_folder)
     return Georeferenced(folder, part, earth.georeference, earth.projection)
-
-
-def geodetic_by_hand(earth: Georeferenced) -> np.ndarray:
-    """Latitudes, longitudes [deg], heights [m] (n, 3) by PROJ's azimuthal equidistant projection about the origin.
-
-    It preserves distances and bearings from the origin, as the tangent plane does for a map of some 100 m; points
-    31 m below the ellipsoid span an angle wider by 31 m over the Earth's radius (0.5 mm here).
-    """
-    here = earth.georeference
-    aeqd = CRS.from_proj4(f"+proj=aeqd +lat_0={here.latitude} +lon_0={here.longitude} +ellps=WGS84 +units=m")
-    x, y, z = earth.part.trajectory.T_world_sensor.translation.T
-    wider = 1 - z / 6.371e6
-    to_degrees = Transformer.from_crs(aeqd, 4326, always_xy=True)
-    longitude, latitude = to_degrees.transform(x * wider, y * wider)
-    return np.column_stack([latitude, longitude, z])
-
-
-def projected_by_hand(geodetic: np.ndarray, epsg: int) -> np.ndarray:
-    """Easting, northing (n, 2) [m] of latitudes, longitudes [deg]."""
-    to_grid = Transformer.from_crs(4326, epsg, always_xy=True)
-    return np.column_stack(to_grid.transform(geodetic[:, 1], geodetic[:, 0]))
-
-
-def distances(places: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Distances (n,) [m] along the ellipsoid between positions (n, 2+) of latitude, longitude [deg]."""
-    from pyproj import Geod
-
-    return np.asarray(Geod(ellps="WGS84").inv(places[:, 1], places[:, 0], others[:, 1], others[:, 0])[2])
 
 
 def floats(rows: Sequence[dict[str, str]], *names: str) -> np.ndarray:

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from pyogrio.raw import read
 
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.geo import Georeference
@@ -53,8 +54,6 @@ def positions(out: Path) -> list[Any]:
 
 
 def test_positions_and_times_agree_in_all_files(exported: tuple[Path, Map]) -> None:
-    from pyogrio.raw import read
-
     out, _ = exported
     rows = table_of(out / "poses.csv")
     degrees = np.array([[float(row["lat_deg"]), float(row["lon_deg"])] for row in rows])
@@ -94,4 +93,8 @@ def test_exported_loops_equal_those_of_the_map(exported: tuple[Path, Map]) -> No
     loops = [f["properties"] for f in features if f["properties"]["layer"] == "loops"]
     assert len(loops) == len(folder.loops) > 0
     assert [loop["kept"] for loop in loops] == [loop.kept for loop in folder.loops]
+    meta, _, _, columns = read(out / "track.gpkg", layer="loops")
+    named = dict(zip(meta["fields"], columns, strict=True))
+    for name in ("target", "source", "kept", "reason"):
+        assert named[name].tolist() == [loop[name] for loop in loops]
     assert (out / "graph.g2o").read_bytes() == (folder.path / "graph.g2o").read_bytes()

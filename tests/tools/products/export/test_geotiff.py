@@ -116,29 +116,6 @@ def test_a_grid_of_too_many_cells_is_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("how", ["mean", "shoalest"])
-def test_mean_and_shoalest_use_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
-    earth = georeferenced(Georeference(60.0, 9.1), scattered(3, reach=15.0), points=900)
-    earth = replace(earth, cell=4.0, height=how)
-    with written(tmp_path / "grid.tif", earth) as raster:
-        height, sigma, count = raster.read()
-        column, row = (np.floor(each) for each in ~raster.transform @ tuple(earth.projected_points[:, :2].T))
-        assert raster.tags()["HEIGHT"].startswith(how)
-    z, height_sigma = earth.points[:, 2], earth.surface.height_sigma
-    for cell in {(int(r), int(c)) for r, c in zip(row, column, strict=True)}:
-        here = (np.asarray(row) == cell[0]) & (np.asarray(column) == cell[1])
-        heights, sigmas = z[here], height_sigma[here]
-        weight = sigmas**-2.0 / (sigmas**-2.0).sum()
-        mean = weight @ heights
-        value, deviation = {
-            "mean": (mean, np.sqrt(weight @ (sigmas**2 + (heights - mean) ** 2))),
-            "shoalest": (heights.max(), sigmas[heights.argmax()]),
-        }[how]
-        assert height[cell] == pytest.approx(value, abs=1e-4)
-        assert sigma[cell] == pytest.approx(deviation, rel=1e-4)
-        assert count[cell] == earth.surface.columns["count"][here].sum()
-
-
 @pytest.mark.parametrize("strip", [10_000_000, 700])
 def test_empty_share_counts_empty_cells_in_the_coverage(strip: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points every meter on a disk with a hole 20 m wide, and on an L."""

@@ -7,7 +7,6 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
@@ -15,7 +14,7 @@ from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import mapped_scans, read_map_folder
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.export.run import ExportSettings, export_map
-from tests.tools.products.export.finished import COUNT, START, STEP, finished_map
+from tests.tools.products.export.finished import finished_map
 
 HERE = Georeference(60.0, 9.0)
 FILES = ("map.ply", "graph.json", "summary.json")
@@ -24,16 +23,6 @@ FILES = ("map.ply", "graph.json", "summary.json")
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_map(tmp_path_factory.mktemp("whole"), georeference=HERE)
-
-
-def test_a_map_folder_is_read_as_written(whole: Path) -> None:
-    folder = read_map_folder(whole)
-    (part,) = folder.parts
-    assert folder.georeference == HERE
-    assert folder.names == tuple(f"scan{k}" for k in range(COUNT))
-    assert set(part.columns) == {"count", "seen", "sigma", "scan", "survey", "intensity"}
-    np.testing.assert_array_equal(part.point_stamps, START + STEP * part.columns["scan"])
-    assert not part.placed
 
 
 @pytest.mark.parametrize("name", FILES)

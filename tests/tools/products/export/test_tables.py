@@ -3,7 +3,6 @@
 import json
 import re
 import sqlite3
-import struct
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
@@ -32,15 +31,8 @@ from sonarmap.tools.products.export.track import (
     write_poses_csv,
 )
 from tests.samples.clutter_scans import table_of
-from tests.tools.products.export.poses import (
-    PLACES,
-    distances,
-    dive,
-    floats,
-    geodetic_by_hand,
-    projected_by_hand,
-    with_part,
-)
+from tests.tools.products.export.finished import local_of, local_of_degrees
+from tests.tools.products.export.poses import PLACES, dive, floats, with_part
 
 
 def two_parts(path: Path) -> Map:
@@ -78,15 +70,14 @@ def rows_of(path: Path, earth: Georeferenced) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_positions_equal_those_of_another_projection(tmp_path: Path, place: str) -> None:
+def test_positions_equal_those_of_an_independent_conversion(tmp_path: Path, place: str) -> None:
     earth = dive(place)
     rows = rows_of(tmp_path, earth)
-    expected = geodetic_by_hand(earth)
-    written = floats(rows, "lat_deg", "lon_deg")
-    assert distances(written, expected).max() < 1e-4
-    grid = projected_by_hand(expected, PLACES[place][1])
-    np.testing.assert_allclose(floats(rows, "easting_m", "northing_m"), grid, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(floats(rows, "height_m")[:, 0], [-31.25, -30.75, -30.25, -29.75, -29.25, -28.75])
+    written = floats(rows, "lat_deg", "lon_deg", "height_m")
+    expected = earth.part.trajectory.T_world_sensor.translation
+    np.testing.assert_allclose(local_of_degrees(written, earth.georeference), expected, rtol=0, atol=1e-4)
+    grid = floats(rows, "easting_m", "northing_m", "height_m")
+    np.testing.assert_allclose(local_of(grid, PLACES[place][1], earth.georeference), expected, rtol=0, atol=2e-4)
     np.testing.assert_allclose(floats(rows, "depth_m")[:, 0], [31.25, 30.75, 30.25, 29.75, 29.25, 28.75])
     assert {row["crs"] for row in rows} == {f"EPSG:{PLACES[place][1]}"}
     assert {row["height_reference"] for row in rows} == {"surface"}
@@ -230,37 +221,6 @@ def written(path: Path, earth: Georeferenced) -> Path:
     write_geopackage(path / "track.gpkg", earth)
     assert [file.name for file in path.iterdir()] == ["track.gpkg"]
     return path / "track.gpkg"
-
-
-def read(path: Path, layer: str) -> tuple[list[np.ndarray], dict[str, np.ndarray]]:
-    """Coordinates and attributes of a layer."""
-    from pyogrio.raw import read
-
-    meta, _, geometry, columns = read(path, layer=layer, datetime_as_string=True)
-    # pyrefly: ignore[not-iterable]
-    return [places(wkb) for wkb in geometry], dict(zip(meta["fields"], columns, strict=True))
-
-
-def places(wkb: bytes) -> np.ndarray:
-    """Coordinates (n, 3) of an ISO or EWKB point or line."""
-    order, kind = struct.unpack_from("<BI", wkb)
-    assert order == 1
-    start = 5 if kind in (1001, 0x80000001) else 9
-    return np.frombuffer(wkb[start:], "<f8").reshape(-1, 3)
-
-
-def test_a_geopackage_has_the_track_and_the_loops(tmp_path: Path) -> None:
-    path = written(tmp_path, dive())
-    points = np.vstack(read(path, "scans")[0])
-    (track,), fields = read(path, "track")
-    np.testing.assert_array_equal(track, points)
-    assert fields["scan_count"][0] == 6
-    (kept, refused), fields = read(path, "loops")
-    np.testing.assert_array_equal(kept, points[[0, 5]])
-    np.testing.assert_array_equal(refused, points[[1, 4]])
-    assert fields["kept"].tolist() == [True, False]
-    assert fields["reason"].tolist() == ["ok", "contradicts"]
-    assert fields["source"].tolist() == ["scan_5", "scan_4"]
 
 
 def test_loops_to_other_parts_are_left_out_and_counters_are_null(tmp_path: Path) -> None:

@@ -82,10 +82,6 @@ def test_a_plan_of_a_single_point_is_empty() -> None:
     assert kinds.tolist() == [[0]]
 
 
-def test_loops_are_decoded() -> None:
-    assert json.loads(messages.loops([(1, 9)])[1]) == {"kind": "loops", "pairs": [[1, 9]]}
-
-
 def test_distant_points_have_a_coarser_quantum() -> None:
     _, message = messages.cloud(0, np.array([[1e4, 0, 0]]))
     assert isinstance(message, bytes)

@@ -1,6 +1,5 @@
 """Optional layers of the page in Chromium, and the packing of points."""
 
-import gzip
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.report.content import content_of
-from sonarmap.tools.products.report.points import FRACTION, TILE, codes, doubtful_of, pack
+from sonarmap.tools.products.report.points import FRACTION, codes, doubtful_of, pack
 from tests.tools.products.report.browser import Opened, click, opened, wait_until
 from tests.tools.products.report.known_map import QUANTUM, A, B, folder_of, known_points, unpack, written
 
@@ -118,17 +117,6 @@ def test_points_are_unpacked_within_half_a_quantum_with_their_columns() -> None:
     assert layout["planes"] == {"seen": 1, "scan": 3}
     for name, values in columns.items():
         np.testing.assert_array_equal(same[name], values[which])
-
-
-def test_packed_bytes_equal_hand_computed_ones() -> None:
-    """Points in two tiles, and the bytes of their differences."""
-    points = np.array([[0.0, 0.0, 0.0], [3 * FINE, 0.0, 300 * FINE], [TILE * FINE, 0.0, 0.0]])
-    data, layout = pack(points, {}, VOXEL)
-    assert [tile["count"] for tile in layout["tiles"]] == [2, 1]
-    assert layout["tiles"][1]["origin"] == [TILE * FINE, 0.0, 0.0]
-    # zigzag code: +3 is 6, +300 is 600 = 2 * 256 + 88
-    assert gzip.decompress(data) == bytes([0, 6, 0, 0, 0, 0, *[0] * 6, 0, 88, 0, 0, 2, 0])
-    np.testing.assert_allclose(unpack(data, layout)[0], points, atol=1e-12)
 
 
 def test_codes_are_logarithmic() -> None:

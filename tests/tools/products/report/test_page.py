@@ -23,7 +23,7 @@ from tests.tools.products.export.finished import finished_map
 from tests.tools.products.report.browser import WITHOUT_WEBGL, opened, wait_until
 from tests.tools.products.report.known_map import DOT, folder_of, known_points, written
 
-WEB = ROOT / "tools" / "products" / "report" / "web"
+WEB, LIVE = (ROOT / "tools" / "products" / folder for folder in ("report/web", "live"))
 
 
 def test_the_policy_allows_only_the_embedded_script_and_style(content: Content) -> None:
@@ -50,8 +50,8 @@ def test_embedded_content_and_points_are_read_back(content: Content) -> None:
 
 def test_scripts_never_turn_text_into_markup() -> None:
     assert {path.relative_to(WEB).as_posix() for path in WEB.rglob("*.js")} == set(SCRIPTS)
-    for name in SCRIPTS:
-        script = (WEB / name).read_text()
+    for path in (*WEB.rglob("*.js"), *LIVE.glob("*.js")):
+        script = path.read_text()
         assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", script)
 
 

@@ -64,19 +64,6 @@ def test_the_profile_has_the_median_of_every_cell() -> None:
     assert (whole.distance.item(), whole.height.item()) == (2.5, -4.5)
 
 
-@pytest.mark.parametrize("degrees", [False, True])
-def test_map_coordinates_convert_to_the_earth_and_back(degrees: bool) -> None:
-    given = Coordinates(HERE, None if degrees else Projection.of(HERE))
-    there = given.of_map(LINE)
-    np.testing.assert_allclose(given.to_map(there), LINE, atol=1e-4)
-    # a degree of latitude is 111.412 km at 60 degrees north, one of longitude 55.800 km
-    expected = LINE / [55_800, 111_412]
-    if degrees:
-        np.testing.assert_allclose(there[:, ::-1] - [9.0, 60.0], expected, rtol=1e-4)
-    else:  # on the zone's central meridian
-        np.testing.assert_allclose(there[:, 0], 500_000 + 0.9996 * LINE[:, 0], atol=1e-3)
-
-
 def test_the_picture_and_tables_are_reproducible(tmp_path: Path) -> None:
     cut = section(HERE)
     world = Coordinates(HERE, Projection.of(HERE))
@@ -117,17 +104,3 @@ def test_the_picture_has_one_scale(rise: float, factor: float) -> None:
     assert low <= -rise <= 0 <= high
     assert axes.get_xlabel() == "distance along the line [m]"
     assert axes.get_ylabel() == "height above mean sea level\n[m]"
-
-
-def test_the_profile_equals_a_loop_over_the_points() -> None:
-    rng = np.random.default_rng(3)
-    points = rng.uniform(0, 10, (4000, 3))
-    cut = section_of(placed(points), np.array([[0.0, 2.0], [10.0, 2.0]]), 0.5, Coordinates())
-    near = points[np.abs(points[:, 1] - 2) <= 0.5]
-    profile = profile_of(cut, 0.7)
-    assert len(cut.height) == len(near)
-    for k, middle in enumerate(profile.distance.tolist()[:-1]):
-        heights = near[np.floor(near[:, 0] / 0.7) == round(middle / 0.7 - 0.5), 2]
-        assert profile.height[k] == pytest.approx(np.median(heights))
-        assert (profile.lowest[k], profile.highest[k]) == (heights.min(), heights.max())
-    assert profile.distance[-1] == pytest.approx((9.8 + 10) / 2)
