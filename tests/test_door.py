@@ -168,23 +168,6 @@ class TestRegister:
 
 
 class TestOtherFunctions:
-    def test_scans_of_a_folder_are_mapped_and_the_graph_optimized(self, tmp_path: Path) -> None:
-        """With a custom method; a graph and its file give the same poses."""
-        from sonarmap.tools.files.writers.poses import write_g2o
-
-        for scan in scans_of(TRUTH):
-            np.save(tmp_path / f"{scan.name}.npy", scan.points)
-        result = sonarmap.map_scans(tmp_path, method=KNOWING, voxel=0.5)
-        assert result.components == ((0, 1, 2, 3),)
-        assert np.abs(result.trajectory.T_world_sensor.translation - TRUTH.translation).max() < 0.2
-        graph = sonarmap.PoseGraph(result.trajectory, result.edges)
-        write_g2o(tmp_path / "graph.g2o", graph)
-        of_graph, of_file = sonarmap.optimize(graph), sonarmap.optimize(tmp_path / "graph.g2o")
-        T, again = (solved.graph.trajectory.T_world_sensor for solved in (of_graph, of_file))
-        np.testing.assert_allclose(T.as_matrix(), again.as_matrix(), atol=1e-6)
-        with pytest.raises(sonarmap.InputError, match="`start='zz'` is not known; choose one of chordal, given"):
-            sonarmap.optimize(graph, start="zz")
-
     def test_map_scans_uses_stamps_and_priors(self) -> None:
         """The prior of one scan places the map in the world; wrong numbers of stamps or priors are refused."""
         method, stamps = KnowingRegistrar(TRUTH, 1e-4 * np.eye(6)), [10.0, 12.5, 15.0, 17.5]
@@ -212,39 +195,6 @@ class TestOtherFunctions:
         for scan, other in zip(right, wrong, strict=True):
             np.testing.assert_allclose(scan.points, 1517.0 / 1480.0 * other.points, rtol=1e-6)
 
-    @pytest.mark.parametrize(
-        ("given", "words"),
-        [
-            ({"sound_speed": 15.0}, "`sound_speed=15` is not a speed of sound in water"),
-            ({"range_scale": 0.0}, "`range_scale=0` is not a factor"),
-            ({"frame": "enu"}, "'enu' is not known; choose one of flu, frd, rdf, ned"),
-            ({"units": "inch"}, "'inch' is not known; choose one of m, cm"),
-            ({"sound_speed": 1500.0}, r"scan\.npy: `sound_speed=1500` cannot be used"),
-        ],
-    )
-    def test_invalid_corrections_are_refused(self, tmp_path: Path, given: dict[str, Any], words: str) -> None:
-        np.save(tmp_path / "scan.npy", points(1))
-        with pytest.raises(sonarmap.InputError, match=words):
-            sonarmap.read_scans(tmp_path, **given)
-
-    @pytest.mark.slow
-    def test_results_are_printed_in_a_few_lines(self, tmp_path: Path) -> None:
-        truth = ring_poses(5)
-        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
-        rows = "".join(f"{scan.name},3.0,0.1\n" for scan in scans_of(truth)[:4])
-        (tmp_path / "log.csv").write_text("name,depth_m,depth_sigma_m\n" + rows)
-        navigated = sonarmap.read_navigation(tmp_path / "log.csv", scans_of(truth))
-        written = sonarmap.write_map(result, tmp_path / "map", report=False)
-        assert str(navigated) == "<Navigated 5 scans: depth of 4>"
-        assert str(result.solution).startswith("<Solution of 5 poses and ")
-        for value in (navigated, result, result.solution, written):
-            assert len(str(value).splitlines()) <= 4
-
-    def test_scans_of_a_folder_are_in_numeric_order(self, tmp_path: Path) -> None:
-        for k in (10, 9):
-            np.save(tmp_path / f"scan_{k}.npy", points(k))
-        assert [scan.name for scan in sonarmap.read_scans(tmp_path)] == ["scan_9", "scan_10"]
-
 
 api: Any = sonarmap  # without types, so that tests may pass invalid arguments
 
@@ -271,19 +221,12 @@ class TestArguments:
         ("name", "value", "words"),
         [
             ("edge", 0, "try `edge=16` or `edge=18`"),
-            ("edge", "64", "wanted a whole number of voxels"),
-            ("edge", None, "wanted a whole number of voxels"),
             ("edge", True, "wanted a whole number of voxels"),
-            ("edge", -16, "wanted a whole number of voxels"),
-            pytest.param("voxel", 10**400, "wanted a length in meters", id="huge voxel"),
-            pytest.param("max_tilt", 10**400, "wanted an angle in radians", id="huge tilt"),
             ("edge", np.timedelta64(16, "s"), "wanted a whole number of voxels"),
-            ("seed", -1, "wanted a whole number from 0"),
-            ("seed", 2**63, "wanted a whole number from 0"),
-            ("voxel", "a", "wanted a length in meters"),
+            pytest.param("voxel", 10**400, "wanted a length in meters", id="huge voxel"),
             ("max_tilt", "x", "wanted an angle in radians"),
+            ("seed", 2**63, "wanted a whole number from 0"),
             ("device", 5, "wanted the name of a device"),
-            ("seed", "x", "wanted a whole number"),
             ("method", [], "wanted the name of a method"),
         ],
     )
@@ -303,7 +246,6 @@ class TestArguments:
             (lambda: api.map_scans(None), "`scans=None` cannot be used; wanted a list of scans"),
             (lambda: api.map_scans(points(1)), r"give one as `\[points\]`"),
             (lambda: api.map_scans([None, points(1)]), r"scan 0 is object of shape \(\); wanted points"),
-            (lambda: api.map_scans([[[1, 2, 3], [4]]]), "scan 0 is not an array .*wanted points"),
             (lambda: api.map_scans([points(1)] * 2, settings=3), "`settings=3` .*wanted MapperSettings or None"),
             (lambda: api.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
             (lambda: api.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
@@ -311,14 +253,14 @@ class TestArguments:
             (lambda: api.map_scans([points(1)] * 2, progress=5), "`progress=5` .*wanted a function of"),
             (lambda: api.map_scans([Broken(), points(1)]), "scan 0 is not an array .no memory left.; wanted points"),
             (lambda: api.map_scans([]), "`scans` holds no scans; wanted at least one"),
-            (lambda: api.prepare([]), "`scans` holds no scans; wanted at least one"),
             (lambda: api.prepare("nofile"), "`scans='nofile'` cannot be used; wanted a list of scans; `map_scans` t"),
-            (lambda: api.prepare(Path("nofile")), "`scans=.*Path.* cannot be used; wanted a list of scans"),
             (lambda: api.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
             (lambda: api.read_scans(5), r"`paths=\(5,\)` .*wanted a path"),
-            (lambda: api.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
-            (lambda: api.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
+            (lambda: api.read_scans("a.ply", range_scale=0.0), "`range_scale=0` is not a factor"),
             (lambda: api.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
+            (lambda: api.read_scans("a.ply", sound_speed=15.0), "`sound_speed=15` is not a speed of sound in water"),
+            (lambda: api.read_scans("a.ply", frame="enu"), "'enu' is not known; choose one of flu, frd, rdf, ned"),
+            (lambda: api.read_scans("a.ply", units="inch"), "'inch' is not known; choose one of m, cm"),
             (lambda: api.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
             (lambda: api.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal' or 'given'"),
         ],
@@ -330,8 +272,7 @@ class TestArguments:
     @pytest.mark.parametrize(
         "surveys",
         [
-            *(1, "01", [0], [0, 0, 0], [0, None], [0, "1"], [0, 10**400], [0, 10**5000], [0, 2**64 - 1]),
-            *([0, [1]], [[0, 0]], [1, 0], [0.0, 1.0], [False, True], np.array(0), np.zeros((2, 1), int)),
+            *(1, "01", [0], [0, None], [0, 10**5000], [1, 0], [0.0, 1.0], [False, True], np.zeros((2, 1), int)),
         ],
     )
     def test_invalid_survey_numbers(self, surveys: object) -> None:
@@ -406,10 +347,3 @@ class TestBadValues:
         for argument, words in refused:
             assert "--" not in words
             assert {*re.findall(r"`(\w+)=", words)} <= {argument, "edge", "units"}, words
-
-    @pytest.mark.parametrize("spoil", [np.nan, np.inf, -1.0])
-    def test_invalid_covariances_are_refused(self, spoil: float, valid: dict[str, dict[str, Any]]) -> None:
-        given = valid["fuse"]["covariances"].copy()
-        given[1, 2, 2] = spoil
-        with pytest.raises(sonarmap.InputError, match="`covariances"):
-            api.fuse(**valid["fuse"] | {"covariances": given})
