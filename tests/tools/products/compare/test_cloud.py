@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
@@ -16,6 +15,7 @@ from sonarmap.tools.products.compare.cloud import PointCloud
 from sonarmap.tools.products.compare.comparison import Alignment
 from sonarmap.tools.products.compare.distances import Distances, Verdict, regions_of
 from sonarmap.tools.products.compare.surface import Epoch
+from tests.samples.cloud_files import las, put
 from tests.samples.surveys import drawn
 from tests.tools.products.compare.made_up import VOXEL, compared, surveyed
 from tests.tools.products.export.finished import finished_map
@@ -30,17 +30,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Map:
 
 def as_cloud(epoch: Epoch, beside: Epoch, sigma: float | None = None) -> Epoch:
     return Epoch.of_cloud(epoch.points, epoch.weight, sigma, beside)
-
-
-def las(path: Path, points: np.ndarray, crs: CRS | None) -> Path:
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.offsets, header.scales = np.floor(points.min(axis=0)), np.full(3, 1e-7)
-    if crs is not None:
-        header.add_crs(crs)
-    file = laspy.LasData(header)
-    file.x, file.y, file.z = points.T
-    file.write(str(path))
-    return path
 
 
 @pytest.mark.parametrize(("change", "cloud_is_old"), [(0.4, True), (-0.4, False)])
@@ -96,14 +85,14 @@ def test_a_thinned_cloud_has_a_sigma_of_one_voxel(folder: Map) -> None:
 
 def test_unusable_files_are_refused(folder: Map, tmp_path: Path) -> None:
     some = np.random.default_rng(0).uniform(0, 20, (90, 3))
-    degrees = las(tmp_path / "degrees.las", some / 1e4 + np.array([9, 60, 0]), CRS.from_epsg(4326))
-    feet = las(tmp_path / "feet.las", some + np.array([3e5, 7e5, 0]), CRS.from_epsg(2263))
-    plain = las(tmp_path / "plain.las", some + np.array([450_000, 6_651_000, 0]), None)
-    assert PointCloud.read(plain, folder).georeference is None
-    for path, words in (
-        (degrees, "wanted a projected CRS"),
-        (feet, r"in US survey foot; wanted a projected CRS in meters"),
+    table = np.column_stack([some, np.ones(len(some))])
+    path = put(tmp_path / "cloud.las", las(table, compressed=False))
+    assert PointCloud.read(path, folder).georeference is None
+    for epsg, words in (
+        (4326, "wanted a projected CRS"),
+        (2263, "in US survey foot; wanted a projected CRS in meters"),
     ):
+        put(path, las(table, compressed=False, crs=CRS.from_epsg(epsg)))
         with pytest.raises(InputError, match=words):
             PointCloud.read(path, folder)
 

@@ -37,12 +37,13 @@ def finished_map(out: Path, split: bool = False, georeference: Georeference | No
         path.write_bytes(b"")
 
     with patch("sonarmap.tools.products.output.folder.draw_map", empty_picture):
-        write_survey(out, _mapped(split), SurveyRun(names, {"voxel": 0.5}, inputs=inputs, georeference=georeference))
+        write_survey(out, mapped(split), SurveyRun(names, {"voxel": 0.5}, inputs=inputs, georeference=georeference))
     return out
 
 
 @cache
-def _mapped(split: bool) -> SurveyResult:
+def mapped(split: bool) -> SurveyResult:
+    """Survey of a ring of scans; with `split`, no pair joins the last three to the others."""
     truth = ring_poses(COUNT, radius=4.0)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:

@@ -2,7 +2,6 @@
 
 import json
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,16 +10,13 @@ import numpy as np
 import pytest
 from pyogrio.raw import read
 
-from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.products.export.geotiff import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map
-from sonarmap.tools.products.output.folder import SurveyRun, write_survey
 from tests.samples.clutter_scans import table_of
-from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+from tests.tools.products.export.finished import finished_map
 
-COUNT = 8
 HERE = Georeference(69.9, 17.9995, height=-3.5, vertical="MSL", heading=37.0)
 FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff", "kmz", "mcap", "g2o")
 
@@ -28,19 +24,9 @@ FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff"
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Map]:
     """Folder of the exports, and the map, whose stamps are Unix seconds."""
-    out = tmp_path_factory.mktemp("out")
-    truth = ring_poses(COUNT, turns=2)
-    result = Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6)), 0.5).run(scans_of(truth))
-    write_survey(out, result, SurveyRun([f"s{k}" for k in range(COUNT)]))
-    graph = json.loads((out / "graph.json").read_text())
-    for pose in graph["poses"]:
-        pose["stamp"] += 1.6e9
-    (out / "graph.json").write_text(json.dumps(graph))
-    summary = json.loads((out / "summary.json").read_text())
-    (out / "summary.json").write_text(json.dumps({**summary, "checksums": {}}))  # graph.json was changed
-    folder = replace(read_map_folder(out), georeference=HERE)
-    export_map(folder, out / "exported", ExportSettings(FORMATS))
-    return out / "exported", folder
+    folder = read_map_folder(finished_map(tmp_path_factory.mktemp("out"), georeference=HERE))
+    export_map(folder, folder.path / "exported", ExportSettings(FORMATS))
+    return folder.path / "exported", folder
 
 
 def positions(out: Path) -> list[Any]:

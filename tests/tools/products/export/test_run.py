@@ -13,6 +13,7 @@ from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.run import ExportSettings, export_map
+from tests.samples.clutter_scans import files_in
 from tests.tools.products.export.finished import finished_map
 
 HERE = Georeference(60.0, 11.9999, height=-2.0, vertical="MSL", heading=70.0)
@@ -103,15 +104,11 @@ def test_an_unusable_crs_is_refused(whole: Path, crs: str, tmp_path: Path) -> No
     assert not (tmp_path / "gis").exists()
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
 def test_an_export_replaces_only_earlier_exports(whole: Path, tmp_path: Path) -> None:
     (tmp_path / "map.laz").write_bytes(b"mine")
     with pytest.raises(InputError, match=r"map\.laz exists and"):
         export_map(read_map_folder(whole), tmp_path, ALL)
-    assert contents(tmp_path) == {"map.laz": b"mine"}
+    assert files_in(tmp_path) == {"map.laz": b"mine"}
     (tmp_path / "map.laz").unlink()
     export_map(placed(whole, replace(HERE, longitude=9.0)), tmp_path, LAZ)
     before = side_car(tmp_path / "map.laz")["sha256"]
@@ -123,7 +120,7 @@ def test_an_export_replaces_only_earlier_exports(whole: Path, tmp_path: Path) ->
 def test_all_files_or_none(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException) -> None:
     """Stopped while the second format is written: the first is not written either, and an earlier export stays."""
     export_map(read_map_folder(whole), tmp_path, LAZ)
-    before = contents(tmp_path)
+    before = files_in(tmp_path)
 
     def stop(*_: object) -> None:
         raise fault
@@ -131,7 +128,7 @@ def test_all_files_or_none(whole: Path, tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr("sonarmap.tools.products.export.georeferenced.cells_of", stop)
     with pytest.raises(type(fault)):
         export_map(placed(whole, replace(HERE, longitude=9.0)), tmp_path, ExportSettings(("laz", "geotiff")))
-    assert contents(tmp_path) == before
+    assert files_in(tmp_path) == before
 
 
 def test_exports_in_the_map_folder_are_listed_and_removed_by_the_next_map(tmp_path: Path) -> None:

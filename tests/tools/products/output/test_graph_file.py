@@ -94,10 +94,3 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
         read_graph_json(tmp_path / "graph.json")
     with pytest.raises(InputError, match="cannot read"):
         read_graph_json(tmp_path / "missing.json")
-
-
-def test_a_reason_of_another_type_is_read_as_text(path: Path, tmp_path: Path) -> None:
-    content = json.loads(path.read_text())
-    content["edges"][0]["reason"] = {"a": 1}
-    (tmp_path / "graph.json").write_text(json.dumps(content))
-    assert read_graph_json(tmp_path / "graph.json").edges[0].registration.reason == "{'a': 1}"

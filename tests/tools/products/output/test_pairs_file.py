@@ -69,11 +69,10 @@ def test_a_row_holds_the_known_values(pairs: list[Pair], path: Path) -> None:
     assert float(rows[5]["predicted_overlap"]) == 0.5
 
 
-@pytest.mark.parametrize("covariance", [np.full((6, 6), np.nan)])
 @pytest.mark.filterwarnings("error")
-def test_a_covariance_of_nan_has_no_sigmas(tmp_path: Path, covariance: np.ndarray) -> None:
+def test_a_covariance_of_nan_has_no_sigmas(tmp_path: Path) -> None:
     """A user's own method may return one; its pair then fails."""
-    measured = registration(RigidTransform.from_translation([1, 2, 3]), covariance)
+    measured = registration(RigidTransform.from_translation([1, 2, 3]), np.full((6, 6), np.nan))
     write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop", registration=measured, reason="failed")])
     (row,) = table_of(tmp_path / "pairs.csv")
     assert (row["x_m"], row["rotation_sigma_deg"], row["translation_sigma_m"]) == ("1.0", "", "")

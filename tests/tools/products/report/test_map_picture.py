@@ -9,31 +9,19 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.products.report.pictures import draw_map, map_figure
-from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+from tests.tools.products.export.finished import mapped as ring
 
-COUNT = 8
-START = 1_483_228_790.25  # 2016-12-31, ten seconds before midnight
 HERE = Georeference(60.3913, -5.3221, 3.5, "MSL")
 INPUTS = ["/somewhere/harbor"]
 MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def mapped() -> SurveyResult:
-    """Survey of five scans in a ring, and three that no pair joins to them."""
-    truth = ring_poses(COUNT, radius=4.0)
-
-    def spoil(i: int, j: int, given: Registration) -> Registration:
-        apart = (i < COUNT - 3) != (j < COUNT - 3)
-        return replace(given, accepted=False, reason="spoiled") if apart else given
-
-    scans = [replace(scan, stamp=START + 4 * k) for k, scan in enumerate(scans_of(truth, reach=4.0))]
-    return Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6), spoil), 0.5).run(scans)
+    return ring(split=True)
 
 
 def measured(result: SurveyResult, *unmeasured: str, part: int = 0) -> SurveyResult:
