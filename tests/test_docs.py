@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.commands.pages import named
 from tests.samples.places import ROOT
 
 PACKAGES = ("kernels", "spectral", "slam", "tools")
@@ -18,10 +19,6 @@ PLACEHOLDER = re.compile(r"NAME|ROOM")  # of a file that the reader is to make
 CLASSES = re.compile(r"`([A-Z][a-z]+[A-Z]\w*|[A-Z][a-z]+(?=\.))(?:\.(\w+))?[`(]")
 SOURCES = [path.read_text() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
 FOREIGN = {"BetweenFactorPose3", "RigidTransform"}  # GTSAM's, SciPy's
-
-
-def named(page: Path) -> str:
-    return page.relative_to(ROOT).as_posix()
 
 
 def defined(pattern: str, text: str) -> bool:

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.samples.places import ROOT
+from tests.test_docs import PACKAGES, PAGES, named
 
-PACKAGES = ("kernels", "spectral", "slam", "tools")
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 WEB = sorted((ROOT / "sonarmap/tools/products/report/web").rglob("*.js"))
 WEB += sorted((ROOT / "sonarmap/tools/products/report/web").rglob("*.html"))
 REFUSED = {  # pattern: what a colleague would say
@@ -28,10 +27,6 @@ REFUSED = {  # pattern: what a colleague would say
     r"(?<!there )\bis no (folder|file|array|journal|log|verb|section|setting|result|mapping)\b": "is not a ...",
     r"\bof all \d+ pairs\b": "32 of 40 pairs",
 }
-
-
-def named(page: Path) -> str:
-    return page.relative_to(ROOT).as_posix()
 
 
 def refused_in(text: str) -> list[str]:

@@ -23,7 +23,7 @@ from tests.samples.command_line import SONARMAP
 from tests.samples.dives import Dive as Swim
 from tests.samples.live.sender import LOOPBACK, free_port, send
 from tests.samples.places import ROOT
-from tests.tools.command.live.waiting import until
+from tests.tools.command.live.waiting import mapping_of, until
 
 OPTIONS = ("--grid", "64", "--voxel", "0.35")
 VARYING = {"times.json", "journal.sqlite"}
@@ -48,14 +48,6 @@ def ended(process: "subprocess.Popen[str]", code: int = 0) -> str:
 def results(out: Path) -> dict[str, bytes]:
     """Files that every run of `sonarmap map` writes identically."""
     return {path.name: path.read_bytes() for path in out.iterdir() if path.is_file() and path.name not in VARYING}
-
-
-def mapping_of(process: "subprocess.Popen[str]") -> int | None:
-    """Id of the mapping process of a command."""
-    for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
-        if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
-            return int(child)
-    return None
 
 
 def key(out: Path, number: int) -> Path:

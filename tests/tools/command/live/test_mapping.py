@@ -232,14 +232,6 @@ def test_the_number_of_waiting_scans_is_limited() -> None:
     assert (backlog.wait(0), backlog.missing, backlog.error) == (300 - MOST - 7, 99, None)
 
 
-def test_waiting_for_too_many_scans_returns_at_the_end() -> None:
-    backlog = Backlog(scans(4))
-    assert backlog.wait(30, least=9) == 4
-    assert [backlog[k].scan.stamp for k in range(3)] == [0.0, 1.0, 2.0]
-    backlog.drop(9)
-    assert backlog.wait(30) == 0
-
-
 def test_waiting_without_scans_times_out() -> None:
     def silent() -> Iterator[Incoming]:
         time.sleep(0.4)

@@ -6,9 +6,6 @@ import pickle
 import socket
 import time
 import tty
-from dataclasses import replace
-from functools import reduce
-from operator import xor
 from pathlib import Path
 
 import numpy as np
@@ -222,24 +219,3 @@ def test_dead_reckoning_covers_only_scans_within_the_file(tmp_path: Path, cut: i
     assert odometry.scans.tolist() == ([0, 1, 2, 3] if cut == 0 else [0, 1, 2])
     np.testing.assert_allclose(odometry.T_odom_sensor.translation[:, 0], odometry.scans, atol=1e-9)
     assert navigation(odometry=tmp_path / "nothing.tum")(SCANS)[1] is None
-
-
-def nmea(clock: str, minutes: float) -> str:
-    """A dated fix (RMC) and a heading (HDT)."""
-    bodies = [f"GPRMC,{clock},A,{6023 + minutes:.4f},N,00519.3260,E,1.0,0.0,150326,,,A", "HEHDT,90.0,T"]
-    return "".join(f"${body}*{reduce(xor, body.encode()):02X}\r\n" for body in bodies)
-
-
-def test_scans_get_positions_from_a_growing_nmea_log(tmp_path: Path) -> None:
-    begun, path = 1773567000.0, tmp_path / "navigation.nmea"  # 2026-03-15 09:30 UTC
-    scans = [replace(each, stamp=begun + k + 0.3) for k, each in enumerate(SCANS)]
-    path.write_text("".join(nmea(f"0930{k:02d}.00", 0.001 * k) for k in range(3)))
-    given = navigation(path)
-    assert [each.prior is not None for each in given(scans)[0]] == [True, True, True, False, False]
-    with path.open("a") as file:
-        file.write("".join(nmea(f"0930{k:02d}.00", 0.001 * k) for k in range(3, 6)))
-    priors = [each.prior for each in given(scans)[0]]
-    assert all(prior is not None and prior.knows_position for prior in priors)
-    assert [prior is not None and prior.knows_heading for prior in priors] == [False, True, True, True, True]
-    north = [prior.T_world_sensor.translation[1] for prior in priors if prior is not None]
-    np.testing.assert_allclose(np.diff(north), 1.857, atol=0.02)  # 0.001 minutes of latitude [m]

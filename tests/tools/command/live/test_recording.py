@@ -13,7 +13,6 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.live.recording import RecordingProcess
-from sonarmap.tools.files.readers.sonar.recording import Recording
 from tests.samples.live.sender import LOOPBACK, free_port, send
 from tests.samples.places import ROOT
 from tests.samples.recordings import recording
@@ -96,10 +95,6 @@ def owned(out: Path, to: tuple[str, int], program: str = OWNER) -> "subprocess.P
     command = [sys.executable, "-c", program, str(out), *options(to)]
     OWNERS.append(subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE))
     return OWNERS[-1]
-
-
-def shots_in(path: Path) -> int:
-    return sum(1 for _ in Recording().read(path))
 
 
 def test_all_packets_are_in_the_file_which_is_renamed_at_the_end(tmp_path: Path, to: tuple[str, int]) -> None:

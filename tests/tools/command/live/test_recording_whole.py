@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from sonarmap.tools.command.live.recording import recorder_of
 from tests.samples.dives import Dive as Swim
 from tests.samples.live.sender import LOOPBACK, free_port, send
 from tests.samples.places import ROOT
-from tests.tools.command.live.waiting import until
+from tests.tools.command.live.waiting import mapping_of, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -58,27 +57,13 @@ class Dive:
         with suppress(ValueError):
             self.said.extend(line.decode() for line in self.process.stderr)
 
-    @property
-    def mapping(self) -> int | None:
-        """Id of the mapping process."""
-        for child in Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split():
-            with suppress(OSError):
-                if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
-                    return int(child)
-        return None
-
-    def signal_mapping(self, number: int, times: int = 1) -> None:
-        """Signal the mapping process once it has a key scan."""
-        until((self.out / "live" / "key_00000.npz").is_file, 60)
-        for _ in range(times):
-            until(lambda: self.mapping is not None, 60)
-            with suppress(ProcessLookupError):
-                os.kill(self.mapping or 0, number)
-            time.sleep(0.5)
-
 
 def stopped(dive: Dive) -> None:
-    dive.signal_mapping(signal.SIGSTOP)
+    """Stop the mapping process once it has a key scan."""
+    until((dive.out / "live" / "key_00000.npz").is_file, 60)
+    number = mapping_of(dive.process)
+    assert number is not None
+    os.kill(number, signal.SIGSTOP)
 
 
 def nothing(_: Dive) -> None:
