@@ -107,18 +107,13 @@ class TestQuiet:
 
 CALLS = [
     ("register", "PATH.ply", "SCAN"),
-    ("map", "PATH", "-o", "OUT"),
     ("map", "FOLDER", "-o", "PATH"),
     *(("map", "FOLDER", "-o", "OUT", option, "PATH") for option in ("--priors", "--odometry", "--ties", "--control")),
     ("live", "PATH", "-o", "OUT"),
     ("record", "-o", "PATH.sonar"),
-    ("inspect", "PATH"),
     ("inspect", "SCAN", "--template", "PATH/a.csv"),
     ("view", "PATH"),
-    ("export", "PATH", "-o", "OUT", "--format", "laz"),
     ("locate", "PATH", "SCAN"),
-    ("section", "PATH", "--from", "0,0", "--to", "1,1", "-o", "OUT"),
-    ("volume", "PATH", "--level", "1"),
     ("compare", "PATH", "PATH", "-o", "OUT"),
     ("optimize", "PATH.g2o", "-o", "OUT"),
     ("simulate", "--scene", "pool", "--scans", "2", "-o", "PATH"),

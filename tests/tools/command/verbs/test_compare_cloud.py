@@ -46,7 +46,6 @@ def test_invalid_arguments_are_refused(placed: tuple[Path, Path], tmp_path: Path
         ((folder, tmp_path / "mm.ply"), "m; wanted meters"),
         ((folder, tmp_path / "missing.ply"), "cannot read"),
         ((folder, tmp_path / "notes.doc"), "nor a file of points"),
-        ((folder, folder, "--cloud-sigma", "0.1"), "--cloud-sigma has no effect without"),
         ((folder, "--surveys", "--cloud-sigma", "0.1"), "--cloud-sigma has no effect with --surveys"),
         ((folder, cloud, "--cloud-sigma", "0"), "above 0"),
         ((cloud, folder, "--origin", "60,9"), "lies where its CRS says"),

@@ -67,9 +67,3 @@ class TestDevices:
         assert listed["chosen"] is None
         assert listed["devices"]
         assert "no OpenCL device works" in result.stderr
-
-    @pytest.mark.slow
-    def test_an_unknown_device_is_refused(self) -> None:
-        result = sonarmap("devices", "--device", "abacus")
-        assert result.exit_code == 2
-        assert "no OpenCL device matches 'abacus'" in result.stderr

@@ -156,16 +156,9 @@ def test_unconnected_parts_are_refused_with_line_and_vertices(tmp_path: Path) ->
     assert not (tmp_path / "out.g2o").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("-o", "in.g2o"), "is also the input"),
-        (("-o", "out.g2o", "--start", "random"), "choose one of chordal, given"),
-    ],
-)
-def test_bad_options(source: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(source.parent)
-    refused(sonarmap("optimize", "in.g2o", *options), words)
+def test_bad_options(source: Path) -> None:
+    refused(sonarmap("optimize", source, "-o", source), "is also the input")
+    refused(sonarmap("optimize", source, "-o", "out.g2o", "--start", "random"), "choose one of chordal, given")
 
 
 def test_a_single_pose_is_refused(tmp_path: Path) -> None:
