@@ -1,13 +1,11 @@
 """Map folders as `sonarmap map` writes them, and geodetic conversions independent of the code under test."""
 
-import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import RigidTransform
 
@@ -83,14 +81,6 @@ def _earth_centered(geodetic: np.ndarray) -> np.ndarray:
     normal = _A / np.sqrt(1 - e2 * np.sin(phi) ** 2)
     flat = (normal + geodetic[:, 2]) * np.cos(phi)
     return np.column_stack([flat * np.cos(lam), flat * np.sin(lam), (normal * (1 - e2) + geodetic[:, 2]) * np.sin(phi)])
-
-
-def program(name: str, where: str) -> str:
-    """Path of a program; skip the test if it is not installed, and name its source `where`."""
-    path = shutil.which(name)
-    if path is None:
-        pytest.skip(f"{name} is not installed ({where})")
-    return path
 
 
 def scattered(count: int = 5, reach: float = 400.0, seed: int = 8) -> RigidTransform:
