@@ -96,14 +96,6 @@ def test_parts_without_a_place_are_named_and_not_written(split: Path, tmp_path: 
         export_map(replace(folder, parts=parts, georeference=HERE), tmp_path, LAZ)
 
 
-@pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:4326", "nonsense"])
-def test_an_unusable_crs_is_refused(whole: Path, crs: str, tmp_path: Path) -> None:
-    """EPSG:27700 needs a grid that PROJ does not include."""
-    with pytest.raises(InputError, match=r"--crs .*"):
-        export_map(placed(whole, Georeference(52.0, 0.2)), tmp_path / "gis", ExportSettings(("laz",), crs))
-    assert not (tmp_path / "gis").exists()
-
-
 def test_an_export_replaces_only_earlier_exports(whole: Path, tmp_path: Path) -> None:
     (tmp_path / "map.laz").write_bytes(b"mine")
     with pytest.raises(InputError, match=r"map\.laz exists and"):

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.doubtful_points import CleanMap, component_maps
+from sonarmap.slam.map.doubtful_points import component_maps
 from sonarmap.slam.map.placed import PlacedScans
-from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
@@ -61,37 +60,25 @@ def test_every_file_is_named_in_the_summary(folder: Path) -> None:
     assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
 
 
-def divided(folder: Path, suffix: str, doubtful: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Columns of a map and of its complete map, which must hold just these points more."""
-    names = (f"map{suffix}.ply", f"map_all{suffix}.ply")
-    clean, everything = (read_ply_columns((folder / name).read_bytes()) for name in names)
-    assert set(everything) == set(clean) | {"looked", "doubtful"}
-    for name, column in clean.items():
-        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
-    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], doubtful[:, 0])
-    return clean, everything
-
-
-def without(whole: PointMap, count: int) -> tuple[np.ndarray, CleanMap]:
-    """Mask of at least `count` doubtful points, and the map divided by it."""
-    out = np.arange(len(whole.points)) % (len(whole.points) // count) == 2
-    assert out.sum() >= count
-    return out, CleanMap(replace(whole.take(~out), doubted=int(out.sum())), whole.take(out))
-
-
 @pytest.mark.slow
 def test_doubtful_points_are_in_the_complete_map(mapped: tuple[list[Scan], SurveyResult], tmp_path: Path) -> None:
     """Five points of the map are made doubtful."""
     _, result = mapped
     (part,) = result.parts
-    out, parted = without(part.optimized, 5)
-    changed = replace(part, optimized=parted.clean, doubtful=parted.doubtful)
+    whole = part.optimized
+    out = np.arange(len(whole.points)) % (len(whole.points) // 5) == 2
+    clean = replace(whole.take(~out), doubted=int(out.sum()))
+    changed = replace(part, optimized=clean, doubtful=whole.take(out))
     write_survey(tmp_path, replace(result, parts=(changed,)), RUN)
-    clean, everything = divided(tmp_path, "", part.optimized.points[out])
+    columns, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in ("map.ply", "map_all.ply"))
+    assert set(everything) == set(columns) | {"looked", "doubtful"}
+    for name, column in columns.items():
+        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
+    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], whole.points[out, 0])
     assert (everything["looked"] >= 0).all()
     (component,) = json.loads((tmp_path / "summary.json").read_text())["components"]
     assert component["map"]["seen_by_too_few"] == out.sum()
-    assert component["map"]["points"] == len(clean["x"])
+    assert component["map"]["points"] == len(columns["x"])
 
     (tmp_path / "map_all_3.ply").write_text("mine")  # not listed in the earlier run's summary
     write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), RUN)

@@ -53,9 +53,7 @@ def with_points(result: SurveyResult, points: np.ndarray) -> SurveyResult:
     ("missing", "here", "across", "levels", "origin"),
     [
         (None, None, "x [m]", "height relative to the first scan [m]", ""),
-        ((), None, "East [m]", "depth below the zero of the navigation's heights [m]", ""),
         ((), HERE, "East [m]", "depth below mean sea level [m]", "60.3913000, -5.3221000 (WGS84)."),
-        (("up",), None, "East [m]", "height relative to the first scan [m]", ""),
         (None, replace(HERE, heading=40.0), "x [m]", "depth below mean sea level [m]", "and x points to 40°"),
     ],
 )

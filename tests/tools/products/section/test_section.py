@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.products.section import (
     PROFILE,
@@ -79,13 +78,6 @@ def test_the_picture_and_tables_are_reproducible(tmp_path: Path) -> None:
     before = files_in(tmp_path)
     write_section(tmp_path / "cut.png", cut, profile_of(cut, 2.0), titles, world)
     assert files_in(tmp_path) == before
-
-
-def test_all_files_or_none(tmp_path: Path) -> None:
-    (tmp_path / "cut_profile.csv").mkdir()
-    with pytest.raises(InputError, match="cannot write"):
-        write_section(tmp_path / "cut.csv", section(), profile_of(section(), 2.0), Titles("", "", ""), None)
-    assert [path.name for path in tmp_path.iterdir()] == ["cut_profile.csv"]
 
 
 @pytest.mark.slow
