@@ -111,7 +111,6 @@ class TestRegister:
             (np.zeros((3, 500)), {}, r"scan 0 has shape \(3, 500\); is it transposed\?"),
             (np.full((50, 3), np.nan), {}, "NaN or infinite"),
             (np.array([["a", "b", "c"]]), {}, "wanted points"),
-            (points(1), {"method": "magic"}, "no method is called 'magic'"),
             (points(1), {"edge": 103}, "`edge=103`"),
             ("nowhere.ply", {}, "nowhere.ply"),
             (1000 * points(1), {}, r"scan 0: half of its points .* are these millimeters"),

@@ -146,18 +146,12 @@ def test_graphs_are_optimized_and_results_print_in_three_lines(
         assert len(repr(each).splitlines()) == 1, repr(each)
 
 
-def test_unusable_folders_and_arguments_are_refused(result: sonarmap.SurveyResult, scans: Path, tmp_path: Path) -> None:
-    for given, words in (
-        ((None, tmp_path), "`result=None` .*wanted SurveyResult"),
-        ((result, 3), "`folder=3` cannot be used"),
-    ):
-        with pytest.raises(sonarmap.InputError, match=words):
-            api.write_map(*given)
+def test_unusable_folders_and_arguments_are_refused(result: sonarmap.SurveyResult, tmp_path: Path) -> None:
+    with pytest.raises(sonarmap.InputError, match=r"`result=None` .*wanted SurveyResult"):
+        api.write_map(None, tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(sonarmap.InputError):
         sonarmap.write_map(result, tmp_path / "file")
-    with pytest.raises(sonarmap.InputError, match="is not a folder"):
-        sonarmap.Map.open(tmp_path / "file")
     with pytest.raises(sonarmap.InputError, match=r"holds no map: it has no summary\.json"):
         sonarmap.Map.open(tmp_path)
     with pytest.raises(sonarmap.InputError, match="`folder=5` cannot be used"):

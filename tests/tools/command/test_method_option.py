@@ -56,12 +56,7 @@ def test_the_voxel_size_follows_from_grid_as_for_the_spectral_method(pair: list[
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (
-            "--method icp --set use_strength=true",
-            ["--set has no effect with --method icp; leave it out, or use --method spectral"],
-        ),
         ("--method hemisphere --set hypotheses=12", ["there is no 'hypotheses'; choose from max_tilt"]),
-        ("--method hemisphere --priors nav.csv", ["--priors has no effect", "or use --method spectral"]),
         (
             "--method icp --max-tilt 35 --device cpu",
             ["--device and --max-tilt have no effect", "leave them out", "spectral or hemisphere"],

@@ -5,13 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.device.device import Device, choose_device
 from tests.samples.clutter_scans import (
     files_in,
     plane,
     printed,
     refused,
-    refused_with_reason,
     said,
     scan,
     sonarmap,
@@ -106,31 +104,6 @@ def test_invalid_option_values_are_refused(tmp_path: Path, verb: str, options: s
 def test_far_too_small_or_large_voxels_are_refused(tmp_path: Path, voxel: str, words: str) -> None:
     result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), *GRID, "--voxel", voxel, "--json")
     refused(result, words, "--voxel")
-
-
-class SmallDevice:
-    """An OpenCL device that reports less memory than it has."""
-
-    def __init__(self, actual: object, memory: int) -> None:
-        self._actual, self.global_mem_size, self.max_mem_alloc_size = actual, memory, memory // 4
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._actual, name)
-
-
-@pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**10, "another")])
-def test_too_large_grid_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str) -> None:
-    def choose_small(selector: str | None = None) -> Device:
-        device = choose_device(selector)
-        # pyrefly: ignore[bad-assignment]
-        device.cl_device = SmallDevice(device.cl_device, memory)
-        return device
-
-    monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", choose_small)
-    result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), "--grid", "512", "--json")
-    refused_with_reason(result)
-    has = f"{memory / 2**30:.2f} GiB" if memory >= 2**30 else f"{memory / 2**20:.0f} MiB"
-    said(result, "this needs", "GiB on the device", f"has {has}", f"Use {fitting}")
 
 
 def test_bad_and_unreadable_scans_leave_gaps_and_the_others_are_mapped(tmp_path: Path) -> None:

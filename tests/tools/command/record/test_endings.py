@@ -61,15 +61,9 @@ def test_a_signal_ends_the_recording_with_a_complete_file(tmp_path: Path, number
     assert [path.name for path in tmp_path.iterdir()] == ["dive.sonar"]
     assert (tmp_path / "dive.sonar").read_bytes() == b"".join(PACKETS)
     assert len(messages_by_wlsonar(tmp_path / "dive.sonar")) == 40
-    lines = out.splitlines()
-    assert lines[0].startswith(f"{tmp_path}/dive.sonar: 20 shots in 0:00:0")
-    assert lines[1] == "missing by their numbers: 0 shots, 0 strength images, 0.00 % of the packets"
-    assert lines[2] == "lost in this computer: 0; damaged: 0"
-    part = f"{tmp_path}/dive.part.sonar"
-    assert errors.startswith(f"listening at {to[0]}:{to[1]}; until the end the recording is in {part}")
-    assert lines[3].startswith("sonar 127.0.0.1; its clock is")
-    assert "no IMU batches" in lines[3]
-    assert lines[-1] == f"next: sonarmap inspect {tmp_path}/dive.sonar"
+    assert out.startswith(f"{tmp_path}/dive.sonar: 20 shots in 0:00:0")
+    assert "lost in this computer: 0; damaged: 0" in out
+    assert errors.startswith(f"listening at {to[0]}:{to[1]}; until the end the recording is in {tmp_path}/dive.part")
 
 
 @pytest.mark.slow

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from sonarmap.kernels.device.device import Device, choose_device, list_devices
+from sonarmap.kernels.device.device import choose_device, list_devices
 from sonarmap.kernels.device.trial import remember_self_test
-from sonarmap.kernels.errors import DeviceError
 from tests.samples import command_line
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap
 
@@ -45,6 +44,8 @@ class TestDevices:
     def test_a_device_that_failed_its_self_test_is_refused(self) -> None:
         for info in list_devices():
             remember_self_test(info.identity, "failed", "voxels of points: off by 1 voxels")
+        listed = printed(sonarmap("devices", "--json"), 2)
+        assert (listed["chosen"], bool(listed["devices"])) == (None, True)
         result = sonarmap("devices")
         assert result.exit_code == 2
         table = " ".join(result.stdout.split())
@@ -55,15 +56,3 @@ class TestDevices:
     def test_without_a_driver_a_package_is_suggested(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
         refused(sonarmap("devices"), "pocl-opencl-icd")
-
-    @pytest.mark.slow
-    def test_devices_that_all_fail_are_listed_with_exit_code_2(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def no_device(selector: str | None = None) -> Device:
-            raise DeviceError("no OpenCL device works")
-
-        monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", no_device)
-        result = sonarmap("devices", "--json")
-        listed = printed(result, 2)
-        assert listed["chosen"] is None
-        assert listed["devices"]
-        assert "no OpenCL device works" in result.stderr

@@ -38,19 +38,14 @@ def dive() -> list[Record]:
 def dives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One dive in five formats."""
     folder = tmp_path_factory.mktemp("dives")
-    others = in_formats(folder, [table(k) for k in range(COUNT)], [STAMP + 2.0 * k for k in range(COUNT)], dive())
-    return others | {"ros1": write_ros1(folder / "dive.bag", dive(), "lz4")}
-
-
-def in_formats(folder: Path, tables: list[np.ndarray], stamps: list[float], records: list[Record]) -> dict[str, Path]:
-    """Scans of a dive as folders of files, and its records as bags."""
-    for name in ("ply", "laz"):
-        (folder / name).mkdir()
-    for k, (table, stamp) in enumerate(zip(tables, stamps, strict=True)):
-        write_ply(folder / "ply" / f"dive{k}.ply", table[:, :3], {"intensity": table[:, 3]})
-        (folder / "laz" / f"dive{k}.laz").write_bytes(las(table, gps=np.full(len(table), stamp - STAMP + GPS)))
-    bags = {"mcap": write_mcap(folder / "dive.mcap", records), "ros2": write_ros2(folder / "dive", records)}
-    return bags | {name: folder / name for name in ("laz", "ply")}
+    paths = {name: folder / name for name in ("ply", "laz")}
+    paths["laz"].mkdir()
+    for k in range(COUNT):
+        points = table(k)
+        write_ply(paths["ply"] / f"dive{k}.ply", points[:, :3], {"intensity": points[:, 3]})
+        (paths["laz"] / f"dive{k}.laz").write_bytes(las(points, gps=np.full(len(points), GPS + 2.0 * k)))
+    paths |= {"mcap": write_mcap(folder / "dive.mcap", dive()), "ros2": write_ros2(folder / "dive", dive())}
+    return paths | {"ros1": write_ros1(folder / "dive.bag", dive(), "lz4")}
 
 
 def test_inspect_shows_the_same_for_a_bag_folder_and_its_file(dives: dict[str, Path]) -> None:
