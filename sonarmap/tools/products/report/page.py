@@ -20,7 +20,7 @@ from sonarmap.tools.products.report.content import Content, content_of
 SCRIPTS = tuple(
     f"{name}.js"
     for name in (
-        *("packed", "camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "canvas", "view"),
+        *("packed", "camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "view"),
         *("controls", "ties", "sections", "main"),
     )
 )
@@ -41,50 +41,22 @@ def write_report(folder: Map) -> Path:
 
 
 def report_text(content: Content) -> str:
+    """HTML of a self-contained page; its texts are JSON, which the scripts show as text, or escaped. The gzipped points
+    of part N are in the element points-N, those that the map left out in doubtful-N."""
     shown = content.shown
-    pictures = {name: embedded_png(data) for name, data in content.pictures.items()}
-    return page_text(
-        (REPORT_WEB, "page.html"),
-        [(REPORT_WEB, "page.css")],
-        [(REPORT_WEB, name) for name in SCRIPTS],
-        (shown["title"], shown["verdict"]["sentence"]),
-        shown,
-        {"points": content.points, "doubtful": content.doubtful},
-        pictures=embedded(pictures),
-    )
-
-
-def page_text(
-    body: tuple[str, str],
-    styles: Files,
-    scripts: Files,
-    heading: tuple[str, str],
-    content: Mapping[str, Any],
-    points: Mapping[str, Sequence[bytes | None]],
-    **more: str,
-) -> str:
-    """HTML of a self-contained page; its texts are JSON, which the scripts show as text, or escaped.
-
-    Args:
-        body: template of the part below the heading, with `$content`, `$points`, `$script` and the names in `more`.
-        heading: the title, and a sentence below it.
-        content: what the scripts show.
-        points: gzipped points by kind, in elements with ids kind-0, kind-1 and so on.
-    """
     elements = [
         f'<script type="application/gzip" id="{kind}-{number}">{_base64(data)}</script>'
-        for kind, packed in points.items()
+        for kind, packed in {"points": content.points, "doubtful": content.doubtful}.items()
         for number, data in enumerate(packed)
         if data is not None
     ]
-    title, verdict = (html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8")) for text in heading)
-    return Template(part(REPORT_WEB, "head.html") + part(*body)).substitute(
-        joined(styles, scripts),
-        title=title,
-        verdict=verdict,
-        content=embedded(content),
+    return Template(part(REPORT_WEB, "page.html")).substitute(
+        joined([(REPORT_WEB, "page.css")], [(REPORT_WEB, name) for name in SCRIPTS]),
+        title=_escaped(shown["title"]),
+        verdict=_escaped(shown["verdict"]["sentence"]),
+        content=embedded(shown),
+        pictures=embedded({name: f"data:image/png;base64,{_base64(data)}" for name, data in content.pictures.items()}),
         points="\n".join(elements),
-        **more,
     )
 
 
@@ -106,9 +78,8 @@ def embedded(value: Any) -> str:
     return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
 
 
-def embedded_png(data: bytes) -> str:
-    """Data URL of a PNG."""
-    return f"data:image/png;base64,{_base64(data)}"
+def _escaped(text: str) -> str:
+    return html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
 def _base64(data: bytes) -> str:
