@@ -76,20 +76,11 @@ class Georeference:
 
     def __post_init__(self) -> None:
         if not (abs(self.latitude) <= 89.9 and abs(self.longitude) <= 180):  # NaN is refused too
-            raise InputError(
-                f"the origin is {self.latitude}, {self.longitude}; wanted a latitude between -89.9 and 89.9 degrees "
-                "and a longitude between -180 and 180, the latitude first"
-            )
+            raise InputError(f"the origin is {self.latitude}, {self.longitude}; wanted degrees within 89.9 and 180")
         if not (abs(self.height) <= 12_000 and np.isfinite(self.heading)):
-            raise InputError(
-                f"the origin has height {self.height} m and heading {self.heading}; wanted a height within 12 km and "
-                "degrees"
-            )
+            raise InputError(f"the origin has height {self.height} m, heading {self.heading}; wanted 12 km and degrees")
         if self.vertical not in VERTICALS:
-            raise InputError(
-                f"the vertical reference is {self.vertical!r}; wanted one of {', '.join(VERTICALS)}: what heights "
-                "count from"
-            )
+            raise InputError(f"the vertical reference is {self.vertical!r}; wanted one of {', '.join(VERTICALS)}")
 
     def geodetic(self, points: np.ndarray) -> np.ndarray:
         """Geodetic coordinates (N, 3): latitude, longitude [deg], height above the vertical reference [m] of points.
@@ -304,9 +295,7 @@ def _projected(crs: str, option: str) -> "CRS":
     westward = any(axis.direction == "west" for axis in named.axis_info)
     if not named.is_projected or units != {"metre"} or len(named.axis_info) != 2 or westward:
         raise InputError(
-            f"{option} {crs} is {named.name}, {named.type_name} in {', '.join(sorted(units))}"
-            f"{' to the West' if westward else ''}; wanted a projected one in meters to the East and North, "
-            f"without heights, {wanted}"
+            f"{option} {crs} is {named.name}; wanted a projected one in meters, East and North, no heights, {wanted}"
         )
     return named
 
@@ -328,14 +317,10 @@ def _require_exact(crs: "CRS", given: str, georeference: Georeference) -> None:
     if not group.transformers:
         if crs.datum is None or crs.datum.name.lower().startswith("unknown"):
             raise InputError(f"{given} ({crs.name}) is a projected CRS{_NO_DATUM}")
-        raise InputError(
-            f"{given} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}, where the "
-            "map would be; check the coordinates, or choose another"
-        )
+        raise InputError(f"{given} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}")
     grids = {grid.short_name for best in group.unavailable_operations[:1] for grid in best.grids if not grid.available}
     raise InputError(
-        f"{given} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}, which is not installed; wanted a CRS that "
-        "needs no grid, as the UTM zone, or install the grid with `pyproj sync --file NAME`"
+        f"{given} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}; get it by `pyproj sync --file NAME`"
     )
 
 

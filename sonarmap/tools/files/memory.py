@@ -19,9 +19,7 @@ def require_memory(what: str, needed: int, remedy: str) -> None:
     """Raise InputError if `what` needs more than the available memory; `needed` [bytes]. The message ends with
     `remedy`."""
     if needed > (available := available_memory()):
-        raise InputError(
-            f"{what} takes {sized(needed)} of memory, and this machine has {sized(available)} to spare; {remedy}"
-        )
+        raise InputError(f"{what} takes {sized(needed)} of memory, of {sized(available)} to spare here; {remedy}")
 
 
 def available_memory() -> int:

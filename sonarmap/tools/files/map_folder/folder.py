@@ -171,9 +171,7 @@ class Map:
         try:
             return [int(rows[scan]["survey"]) for scan in part.scans]
         except (LookupError, TypeError, ValueError) as error:
-            raise InputError(
-                f"{self.path / SUMMARY} does not say which survey each scan belongs to; run map again"
-            ) from error
+            raise InputError(f"{self.path / SUMMARY} lacks the surveys of the scans; run map again") from error
 
 
 def read_map_folder(path: Path) -> Map:
@@ -240,10 +238,7 @@ def map_points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, 
     points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
     usable = (np.abs(points) <= LARGEST).all() and np.isin(columns["scan"], scans).all()
     if not (usable and all((columns[name] >= 0).all() for name in COLUMNS)):  # NaN is not
-        raise InputError(
-            f"{path} holds coordinates that are NaN or beyond {LARGEST:g} m, scans that the map does not have, or "
-            "negative counts; it is damaged: map again"
-        )
+        raise InputError(f"{path} holds scans, coordinates or counts that cannot be; it is damaged: map again")
     return points, columns
 
 
@@ -302,8 +297,7 @@ def _require_same(folder: Map, read: ReadScans) -> None:
     files = [row["sha256"] for row in input_rows(read.files)]
     if files != recorded[: len(files)] or len(read.scans) != len(folder.names):
         raise InputError(
-            f"{read.files[0].parent} holds {len(read.scans)} scans, which are not, or no longer, the "
-            f"{len(folder.names)} that {folder.path} was made of; {_ELSEWHERE}, or map again"
+            f"{read.files[0].parent} holds other scans than {folder.path} was made of; {_ELSEWHERE}, or map again"
         )
 
 

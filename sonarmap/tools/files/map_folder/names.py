@@ -53,10 +53,7 @@ def require_apart(folder: Path, files: Iterable[Path]) -> None:
     """Raise InputError if a scan is the map of an earlier run, or the new map would overwrite it."""
     for path in files:
         if (_MAP.fullmatch(path.name) or path.name == PAIRS) and path.parent.resolve() == folder.resolve():
-            raise InputError(
-                f"{path} is among the scans, but the map is written to {folder}: the file is from an earlier "
-                "run, or would be overwritten. Leave it out, or choose another output folder."
-            )
+            raise InputError(f"{path} is among the scans and in the output folder; leave one out")
 
 
 def earlier_files(folder: Path) -> set[str]:

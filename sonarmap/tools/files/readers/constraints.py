@@ -66,10 +66,7 @@ def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
     for row, (where, cells) in zip(table.rows, table.rows_by_name(columns), strict=True):
         tie = _tie(cells, scans, where)
         if tie.scans in lines:
-            raise InputError(
-                f"{path}: lines {lines[tie.scans]} and {row.line} both have a verdict on {scans[tie.i].name} and "
-                f"{scans[tie.j].name}; delete one"
-            )
+            raise InputError(f"{path}: lines {lines[tie.scans]} and {row.line} have a verdict on one pair; delete one")
         lines[tie.scans] = row.line
         ties.append(tie)
     return tuple(ties)
@@ -81,9 +78,7 @@ def _columns(table: CsvTable) -> dict[str, int]:
     transform = [name for name in TRANSFORM if name in columns]
     missing = [name for name in TRANSFORM if name not in columns]
     if transform and missing:
-        raise InputError(
-            f"{table.where()}: a transform needs a column {missing[0]} too; add it, or delete {transform[0]}"
-        )
+        raise InputError(f"{table.where()}: a transform needs a column {missing[0]}; add it, or delete {transform[0]}")
     return columns
 
 
@@ -98,10 +93,7 @@ def _tie(cells: Mapping[str, str], scans: Sequence[Scan], where: str) -> Tie:
     if given is None:
         return Tie(min(target, source), max(target, source), verdict, note=cells.get(NOTE, ""))
     if verdict != "add":
-        raise InputError(
-            f"{where}: the verdict is {verdict}, and there is a transform; only add takes one. Empty its cells, or "
-            "write add; fix that line"
-        )
+        raise InputError(f"{where}: the verdict is {verdict}, and only add takes a transform; fix that line")
     # T_true = T Exp(xi) has the inverse T^-1 Exp(-Ad(T) xi)
     T_i_j, covariance = (given[0].inv(), propagated(*given)) if target > source else given
     measured = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "measured by hand")
@@ -137,9 +129,7 @@ def read_control(
     EARTH or GRID, one of UP, and optionally SPREADS [m] and `use` (control or check). `georeference` is the map's; if
     it is None, the first point's rounded latitude and longitude become the origin. `crs` is that of GRID columns."""
     if georeference is not None and georeference.heading != 90.0:
-        raise InputError(
-            "--origin-heading has no effect with control points, which make the map's x axis East; leave it out"
-        )
+        raise InputError("--origin-heading has no effect with control points, as x is East; leave it out")
     table = read_csv_table(path)
     columns, across, up = _control_columns(table)
     if (across == GRID) != (crs is not None):
@@ -166,8 +156,7 @@ def _control_columns(table: CsvTable) -> tuple[dict[str, int], tuple[str, str], 
     pairs = [pair for pair in (LOCAL, EARTH, GRID) if set(pair).intersection(columns)]
     if len(pairs) != 1 or not set(pairs[0]).issubset(columns):
         raise InputError(
-            f"{table.where()}: wanted both columns of one of these, and none of the others: "
-            f"{'; '.join(', '.join(pair) for pair in (LOCAL, EARTH, GRID))}"
+            f"{table.where()}: wanted one of these pairs: {'; '.join(', '.join(pair) for pair in (LOCAL, EARTH, GRID))}"
         )
     ups = [name for name in UP if name in columns]
     if len(ups) != 1:
@@ -238,9 +227,6 @@ def _refuse_twins(path: Path, rows: Sequence[CsvRow], points: Sequence[ControlPo
     for row, point in zip(rows, points, strict=True):
         line, same = first.setdefault(point.name, (row.line, point))
         if (same.known != point.known).any():
-            raise InputError(
-                f"{path}: lines {line} and {row.line} give the point {point.name} different coordinates; fix one, or "
-                "give the points different names"
-            )
+            raise InputError(f"{path}: lines {line} and {row.line} give {point.name} different coordinates; fix one")
         if (twin := in_scan.setdefault((point.name, point.scan), row.line)) != row.line:
             raise InputError(f"{path}: lines {twin} and {row.line} have {point.name} in the same scan; delete one")

@@ -57,10 +57,7 @@ class CsvTable:
         for row in self.rows:
             if len(row.cells) != wanted:
                 cut = "" if self.is_whole or row is not self.rows[-1] else "; the file may have been cut there"
-                raise InputError(
-                    f"{self.where(row)}: it has {len(row.cells)} cells where the heading has {wanted}{cut}; fix that "
-                    "line"
-                )
+                raise InputError(f"{self.where(row)}: it has {len(row.cells)} cells, the heading {wanted}{cut}; fix it")
 
     def rows_by_name(self, columns: Mapping[str, int]) -> Iterator[tuple[str, dict[str, str]]]:
         """For each row its file and line, for messages, and the cells of `columns` by name."""
@@ -76,8 +73,7 @@ class CsvTable:
         for k, name in enumerate(names):
             if name not in known:
                 raise InputError(
-                    f"{self.where()}: there is a column {self.heading.cells[k][:40]!r}; wanted {words}; rename or "
-                    "delete it"
+                    f"{self.where()}: there is a column {self.heading.cells[k][:40]!r}; wanted {words}; rename it"
                 )
             if name in names[:k]:
                 raise InputError(f"{self.where()}: there are two columns {name}; delete one")
@@ -116,9 +112,7 @@ def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
         try:
             lines.append((number, line.decode()))
         except UnicodeDecodeError as error:
-            raise InputError(
-                f"{path}: line {number} is not a CSV line in UTF-8: {error}; save the file as CSV in UTF-8"
-            ) from error
+            raise InputError(f"{path}: line {number} is not a CSV line in UTF-8: {error}") from error
     return lines, not content or content.endswith((b"\n", b"\r"))
 
 

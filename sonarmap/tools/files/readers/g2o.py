@@ -70,10 +70,7 @@ def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
     twice = np.flatnonzero(np.diff(ids[order]) == 0)
     if len(twice):
         first, second = (lines[VERTEX][k][0] for k in order[twice[0] : twice[0] + 2])
-        raise InputError(
-            f"{path}: line {second} gives vertex {ids[order[twice[0]]]} a second time, after line {first}; "
-            "keep one of them"
-        )
+        raise InputError(f"{path}: line {second} gives vertex {ids[order[twice[0]]]} again, after {first}; keep one")
     poses = transforms(path, lines[VERTEX], rows[:, 1:])[order]
     index = {vertex: k for k, vertex in enumerate(ids[order].tolist())}
     return PoseGraph(
@@ -114,10 +111,7 @@ def _by_tag(path: Path) -> dict[str, list[Line]]:
         tag, *rest = line.split(maxsplit=1)
         name = tag.decode("utf-8", "replace")
         if name not in KNOWN:
-            raise InputError(
-                f"{path}: line {number} begins with {shown(tag)}; known are {', '.join(KNOWN)}. Convert the "
-                "file, or delete what is not part of a 3D pose graph"
-            )
+            raise InputError(f"{path}: line {number} begins with {shown(tag)}; known are {', '.join(KNOWN)}")
         content = rest[0] if rest else b""
         if name == PRIOR_QUAT:
             name, numbers = PRIOR, content.split()
@@ -221,8 +215,7 @@ def _require_no_offset(path: Path, lines: list[Line]) -> None:
         row = finite_rows(path, [(number, line)], f"id {_POSE}")[0]
         if not np.allclose(row[1:], _IDENTITY):
             raise InputError(
-                f"{path}: line {number}: priors with a sensor offset are not supported; give "
-                f"{OFFSET} as 0 0 0 0 0 0 1, and priors of the vertices themselves"
+                f"{path}: line {number}: priors with a sensor offset are not supported; give {OFFSET} as 0 0 0 0 0 0 1"
             )
 
 

@@ -86,8 +86,7 @@ class Corrections:
         low, high = SOUND_SPEEDS
         if self.sound_speed is not None and not low <= self.sound_speed <= high:
             raise InputError(
-                f"`sound_speed={self.sound_speed:g}` is not a speed of sound in water; wanted {low:g} to {high:g} m/s, "
-                "such as 1497"
+                f"`sound_speed={self.sound_speed:g}` is not a speed of sound in water; wanted {low:g} to {high:g} m/s"
             )
         if not (0 < self.scale < math.inf):
             raise InputError(f"`range_scale={self.scale:g}` is not a factor; wanted a number above 0, as 1.02")
@@ -97,10 +96,7 @@ class Corrections:
         cloud, factor = self.frame.turned(cloud), self.scale
         if self.sound_speed is not None:
             if cloud.sound_speed is None:
-                raise InputError(
-                    "it does not say with which speed of sound its ranges were computed; give `range_scale` instead, "
-                    "the true speed divided by the recorded one"
-                )
+                raise InputError("it does not say the speed of sound of its ranges; give `range_scale` instead")
             factor *= self.sound_speed / cloud.sound_speed
         if factor == 1.0:
             return cloud
@@ -183,8 +179,7 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
     first, last = read.scans[0], read.scans[-1]
     if len(read.scans) > 1:
         raise InputError(
-            f"{path} holds {len(read.scans)} scans ({first.name} to {last.name}), and one is needed here: choose one, "
-            "as in file.sonar#3, or map them all with `sonarmap map`"
+            f"{path} holds {len(read.scans)} scans ({first.name} to {last.name}); choose one, as in file.sonar#3"
         )
     return first
 
@@ -240,19 +235,11 @@ def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
         if (known := FORMATS.get(path.suffix.lower())) is None:
             continue
         if known.has_axes and corrections.frame != AS_RECORDED.frame:
-            raise InputError(
-                f"{path}: `frame` and `units` cannot be used, as {known.kind} defines both; leave them out, or read it "
-                "apart from other files"
-            )
+            raise InputError(f"{path}: `frame` and `units` cannot be used; {known.kind} defines both")
         if known.is_line and corrections.scale != 1.0:
-            raise InputError(
-                f"{path}: `range_scale` cannot be used, as {known.kind} has soundings and no ranges; leave it out"
-            )
+            raise InputError(f"{path}: `range_scale` cannot be used, as {known.kind} has soundings and no ranges")
         if corrections.sound_speed is not None and not known.has_sound_speed:
-            raise InputError(
-                f"{path}: `sound_speed={corrections.sound_speed:g}` cannot be used, as {known.kind} does not say with "
-                "which speed its ranges were computed; give `range_scale` instead, the true speed divided by that one"
-            )
+            raise InputError(f"{path}: `sound_speed` cannot be used, as {known.kind} has no speed; give `range_scale`")
 
 
 def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:

@@ -42,10 +42,7 @@ def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
     for truth in truths:
         if stamped == _is_kitti(truth):
             with_stamps, without = (estimate, truth) if stamped else (truth, estimate)
-            raise InputError(
-                f"{without} is a KITTI file, whose poses have no stamps, and {with_stamps} is not, so it is unknown "
-                "which poses belong together. Give two files of one format."
-            )
+            raise InputError(f"{without} is a KITTI file without stamps, {with_stamps} is not; give one format")
     read = read_tum if stamped else read_kitti
     return read(estimate), in_order([read(truth) for truth in truths])
 
@@ -121,18 +118,12 @@ def _pair(path: Path, block: list[Line]) -> TruePair:
     number, text = block[0]
     match = _NUMBERS.fullmatch(text)
     if match is None:
-        raise InputError(
-            f"{path}: line {number} is {shown(text)}; wanted the numbers of two scans, as 0 1, and the four rows of "
-            "their matrix in the lines below; fix that line"
-        )
+        raise InputError(f"{path}: line {number} is {shown(text)}; wanted two scans, as 0 1, above a matrix")
     i, j = int(match[1]), int(match[2])
     if i == j:
         raise InputError(f"{path}: line {number} pairs the scan {i} with itself; wanted two scans; delete that pair")
     if len(block) < _LINES:
-        raise InputError(
-            f"{path}: the pair in line {number} has {len(block) - 1} lines of its matrix; wanted four: the file may be "
-            "cut; copy it again"
-        )
+        raise InputError(f"{path}: the pair in line {number} has {len(block) - 1} rows; wanted four: copy it again")
     matrix = finite_rows(path, block[1:], "r r r t")
     with naming(path):
         T_i_j = rigid_transform(matrix, f"the pair in line {number}")
@@ -230,8 +221,5 @@ def rigid_transform(rows: Any, what: str) -> RigidTransform:
     off = np.abs(R @ R.T - np.eye(3)).max()
     # a cross product gives the determinant's sign; np.linalg.det divides by pivots, which may be tiny
     if off > ORTHONORMAL or np.cross(R[0], R[1]) @ R[2] < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
-        raise InputError(
-            f"the matrix of {what} is not a rigid transform (its rotation is off by {off:.2g}, its determinant should "
-            "be 1, its last row 0 0 0 1); wanted a rotation and a translation in meters"
-        )
+        raise InputError(f"the matrix of {what} is not a rigid transform: its rotation is off by {off:.2g}")
     return RigidTransform.from_components(matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]))

@@ -101,9 +101,7 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(
-            f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
-            "its permissions; earlier files there are unchanged. 'sonarmap doctor OUT' checks a folder OUT and its "
-            "disk."
+            f"cannot write {path}: {error.strerror or error}; choose another folder, or see 'sonarmap doctor OUT'"
         ) from error
 
 
@@ -135,10 +133,7 @@ def _lock(folder: Path, writing: bool) -> int | None:
     except BlockingIOError as error:
         os.close(descriptor)
         others = "writing to it or reading it" if writing else "writing to it"
-        raise InputError(
-            f"{folder} is in use: another run of sonarmap is {others}. Wait until it has ended, and run the same "
-            "command again; or use another folder"
-        ) from error
+        raise InputError(f"{folder} is in use: another run of sonarmap is {others}; wait, or use another") from error
     except OSError:  # a file system without locks
         pass
     return descriptor

@@ -54,7 +54,7 @@ def test_points_are_scaled_from_their_viewpoints() -> None:
 
 def test_a_sound_speed_or_frame_that_the_format_does_not_take_is_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", TABLE)
-    words = r"a\.npy: `sound_speed=1500` cannot be used, as a NumPy .* `range_scale`"
+    words = r"a\.npy: `sound_speed` cannot be used, as a NumPy .* `range_scale`"
     refuses(words, read_survey, [tmp_path], corrections=Corrections(1500.0))
     (tmp_path / "dive.sonar").write_bytes(b"RIP2")
     words = r"dive\.sonar: `frame` and `units` cannot be used"
@@ -65,7 +65,7 @@ def test_a_shot_without_a_sound_speed_leaves_a_gap(tmp_path: Path) -> None:
     write_recording(tmp_path / "dive.sonar", [1480.0, 0.0, 1490.0])
     read = read_survey([tmp_path], corrections=Corrections(1500.0))
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
-    assert "dive.sonar#1: it does not say with which speed of sound" in read.unread[0].reason
+    assert "dive.sonar#1: it does not say the speed of sound" in read.unread[0].reason
 
 
 @pytest.mark.parametrize(

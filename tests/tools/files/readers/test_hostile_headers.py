@@ -138,7 +138,7 @@ def test_files_larger_than_memory_are_refused_before_unpacking(
     assert len(read_scan(tmp_path / name).points) == len(same)
     monkeypatch.setattr("sonarmap.tools.files.memory.available_memory", lambda: 1 << 20)
     with thrifty():
-        refuses(r"this machine has 1.0 MiB to spare; thin its points out", read_scan, tmp_path / name)
+        refuses(r"of 1.0 MiB to spare here; thin its points out", read_scan, tmp_path / name)
 
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -203,7 +203,9 @@ class TestMemory:
         available = available_memory()
         assert 2**27 < available < 2**50
         require_memory("a thing", available // 2, "take less")
-        with pytest.raises(InputError, match=r"a thing takes [\d,.]+ GiB of memory, .* [GM]iB to spare; take less"):
+        with pytest.raises(
+            InputError, match=r"a thing takes [\d,.]+ GiB of memory, .* [GM]iB to spare here; take less"
+        ):
             require_memory("a thing", 10**400, "take less")
 
 

@@ -139,8 +139,7 @@ def _require_room(packed: _Packed, layout: dict[str, tuple[str, int]]) -> None:
     ends = [offset + np.dtype(dtype).itemsize for dtype, offset in layout.values()]
     if max(ends) > point_step or point_step * points > row_step:
         raise InputError(
-            f"its points of {point_step:,} bytes, {points:,} in rows of {row_step:,}, do not hold its fields: the "
-            "message is damaged, or its driver is wrong"
+            f"its points of {point_step:,} bytes, {points:,} in rows of {row_step:,}, do not hold its fields"
         )
     if (needed := row_step * (rows - 1) + point_step * points) > len(packed.content):
         raise InputError(

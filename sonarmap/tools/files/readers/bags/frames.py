@@ -185,8 +185,7 @@ def _of_tf(recording: Recording, faults: list[str]) -> Trajectory:
         if is_named(here, _ODOM):
             return _composed(chain, faults)
     raise InputError(
-        f"there is no odometry in it: no message of {ODOMETRY}, and no transform of {TRANSFORMS} from {_ODOM} to "
-        f"{BASE}; its topics are {listed(recording.topics)}"
+        f"no odometry: no {ODOMETRY}, no {TRANSFORMS} from {_ODOM} to {BASE}; its topics are {listed(recording.topics)}"
     )
 
 

@@ -348,9 +348,7 @@ class _WholeReads:
             self._size = self._path.stat().st_size
         remaining = self._size - self.place
         if not 0 <= length <= min(remaining, LARGEST):
-            raise InputError(
-                f"at byte {self.place:,} it claims {length:,} bytes more, and {remaining:,} are left: {CUT_OR_DAMAGED}"
-            )
+            raise InputError(f"at byte {self.place:,} it claims {length:,} of {remaining:,} bytes: {CUT_OR_DAMAGED}")
         content = self._file.read(length)
         self.place += len(content)
         return content

@@ -126,9 +126,7 @@ def decode(message: Message) -> Any:
             return _types("ros1_noetic").deserialize_ros1(message.content, message.kind)
         if encoding == "protobuf":
             return _protobuf_class(message.kind, message.schema).FromString(message.content)
-    raise InputError(
-        f"its {message.kind} is encoded as {encoding[:40]!r}; wanted cdr, ros1 or protobuf: record it again"
-    )
+    raise InputError(f"its {message.kind} is encoded as {encoding[:40]!r}; wanted cdr, ros1 or protobuf")
 
 
 @cache
@@ -172,9 +170,7 @@ class Unpacker:
                 plain += piece
                 self.plain += len(piece)
                 if len(plain) > most:
-                    raise InputError(
-                        f"{len(content):,} bytes of {compression} unpack to more than {most:,}, {_NO_RECORDING}"
-                    )
+                    raise InputError(f"{compression} unpacks to more than {most:,} bytes, {_NO_RECORDING}")
         return bytes(plain)
 
 
@@ -241,8 +237,7 @@ class Room:
             raise InputError(f"it cannot be unpacked ({error}); copy it again") from error
         except OSError as error:
             raise InputError(
-                f"it cannot be unpacked to {tempfile.gettempdir()} ({error.strerror or error}); make room there, or "
-                f"{yourself}"
+                f"{tempfile.gettempdir()} cannot hold it ({error.strerror or error}); make room there, or {yourself}"
             ) from error
         return plain
 

@@ -64,10 +64,7 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
     roles = {axis: plain.index(axis) for axis in "xyz"}
     seen_from = [name for name in VIEWPOINT_NAMES if name in plain]
     if 0 < len(seen_from) < 3:
-        raise InputError(
-            f"of the columns {', '.join(VIEWPOINT_NAMES)} there is only {' and '.join(seen_from)}; a viewpoint needs "
-            "all three, or leave them out"
-        )
+        raise InputError(f"of {', '.join(VIEWPOINT_NAMES)} there is only {' and '.join(seen_from)}; give all or none")
     roles |= {name: plain.index(name) for name in seen_from}
     for role, known in (("strength", STRENGTH_NAMES), ("time", TIME_NAMES)):
         name = next((name for name in known if name in plain), None)
@@ -169,10 +166,7 @@ def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
         places = viewpoints.astype(np.float64)
     bad = int((~np.isfinite(places).all(axis=1)).sum())
     if bad:
-        raise InputError(
-            f"the viewpoints of {bad:,} of {len(places):,} points are NaN or infinite; give every point one, or leave "
-            f"{', '.join(VIEWPOINT_NAMES)} out"
-        )
+        raise InputError(f"viewpoints of {bad:,} of {len(places):,} points are NaN or infinite; give all or none")
     refuse_map_coordinates(places, "viewpoints")
     return places.astype(np.float32)
 

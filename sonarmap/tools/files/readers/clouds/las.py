@@ -132,9 +132,7 @@ def _columns(reader: LasReader) -> dict[str, np.ndarray]:
             pieces[name].append(np.array(points[name]))
     columns = {name: np.concatenate(arrays) for name, arrays in pieces.items()}
     if len(columns["x"]) != reader.header.point_count:
-        raise InputError(
-            f"the header promises {reader.header.point_count:,} points, and {len(columns['x']):,} follow: {_DAMAGED}"
-        )
+        raise InputError(f"{reader.header.point_count:,} points are promised, {len(columns['x']):,} follow: {_DAMAGED}")
     return columns
 
 
@@ -158,9 +156,7 @@ def _refuse_map_coordinates(points: np.ndarray, content: bytes) -> None:
         f"{axis} {low:.10g} to {high:.10g}" for axis, low, high in zip("xyz", finite.min(0), finite.max(0), strict=True)
     )
     raise InputError(
-        f"its points are map coordinates in {system}: {ranges} m; wanted a scan in meters in the sensor's own frame. "
-        "If each file holds one scan, subtract the sensor's position from its points, as with `pdal translate` and "
-        "filters.transformation; tiles of a finished map are not scans"
+        f"its points are map coordinates in {system}: {ranges} m; subtract the sensor's position, in meters"
     )
 
 

@@ -58,19 +58,13 @@ def parse_npy(content: bytes) -> np.ndarray:
         raise InputError(f"its NPY header is damaged ({error}); save the array again") from error
     if dtype.kind not in "fiu" or dtype.itemsize > 8:
         kind = "objects" if dtype.hasobject else "fields" if dtype.fields else dtype
-        raise InputError(
-            f"an array of {kind}; wanted plain numbers (objects would be unpickled, which runs code): save "
-            "np.asarray(points, np.float32)"
-        )
+        raise InputError(f"an array of {kind}; wanted plain numbers: save np.asarray(points, np.float32)")
     if len(shape) > 2 or min(shape, default=0) < 0:
         raise InputError(f"its NPY header has shape {shape}; wanted (N, 3) or (N, 4)")
     count, start = math.prod(shape), file.tell()
     require_bytes(f"{count:,} numbers of {dtype}", count * dtype.itemsize, len(content) - start)
     if len(content) - start > count * dtype.itemsize:
-        raise InputError(
-            f"the header promises shape {shape} of {dtype} and more bytes than that follow: "
-            "the file is damaged or holds several arrays; save one array per file"
-        )
+        raise InputError(f"the header promises shape {shape} of {dtype}, more than follows: it is damaged, or several")
     return np.frombuffer(content, dtype, count, start).reshape(shape, order="F" if is_fortran else "C")
 
 

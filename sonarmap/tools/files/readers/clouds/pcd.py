@@ -51,10 +51,7 @@ def read_pcd(content: bytes) -> list[Cloud]:
     """The points of a PCD file."""
     match = _HEADER.match(content[:_HEADER_LIMIT])
     if match is None:
-        raise InputError(
-            "its PCD header has no line 'DATA ascii', 'DATA binary' or 'DATA binary_compressed': "
-            "the file is cut or damaged; write it again"
-        )
+        raise InputError("its PCD header has no line 'DATA ascii', 'DATA binary' or 'DATA binary_compressed'")
     header = _parse_header(match[1])
     roles = column_roles(header.names)
     wide = [header.names[column] for column in roles.values() if header.counts[column] != 1]
@@ -86,9 +83,7 @@ def _parse_header(text: bytes) -> _Header:
     width, height = _count(entries, "WIDTH"), _count(entries, "HEIGHT")
     points = _count(entries, "POINTS") if "POINTS" in entries else width * height
     if points != width * height:
-        raise InputError(
-            f"its PCD header says POINTS {points} and WIDTH x HEIGHT {width} x {height}; write the file again"
-        )
+        raise InputError(f"its PCD header says POINTS {points} and WIDTH x HEIGHT {width} x {height}; write it again")
     pose = " ".join(entries.get("VIEWPOINT", [])) or _AT_ORIGIN
     most, wanted = np.finfo(np.float64).max, f"a place and a quaternion, as in {_AT_ORIGIN}"
     return _Header(
@@ -116,10 +111,7 @@ def _integer(text: str, name: str, least: int) -> int:
 
 def _dtype(kind: str, size: str) -> str:
     if size not in {str(allowed) for allowed in _SIZES.get(kind, ())}:
-        raise InputError(
-            f"its PCD header says TYPE {rows.shown(kind.encode())} of SIZE {rows.shown(size.encode())}; "
-            "wanted F of 4 or 8, or I or U of 1, 2, 4 or 8"
-        )
+        raise InputError(f"its TYPE {rows.shown(kind.encode())} of SIZE {rows.shown(size.encode())} is not known")
     return f"<{kind.lower()}{size}"
 
 

@@ -157,8 +157,5 @@ def _end_of(element: _Element, content: bytes, start: int) -> int:
                 start += p.length.itemsize
             start += length * p.dtype.itemsize
             if length < 0 or start > len(content):
-                raise InputError(
-                    f"it ends within {element.name} {record + 1:,} of {element.count:,}: "
-                    "the file is cut or damaged; write or copy it again"
-                )
+                raise InputError(f"it ends within {element.name} {record + 1:,} of {element.count:,}: copy it again")
     return start

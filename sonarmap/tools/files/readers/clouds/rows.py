@@ -26,10 +26,7 @@ _BARE = {3: ("x", "y", "z"), 4: ("x", "y", "z", "strength")}
 def whole_lines(text: bytes, first: int) -> list[Line]:
     """The lines of `text` that are not blank, numbered from `first`."""
     if text and not text.endswith((b"\n", b"\r")):
-        raise InputError(
-            "the last line does not end with a line break, so the file may have been cut within a number; "
-            "write it again, or add a line break at its end if it is whole"
-        )
+        raise InputError("the last line does not end with a line break: is the file cut? write it again, or add one")
     lines = text.splitlines()
     return list(compress(enumerate(lines, first), map(bytes.strip, lines)))
 
@@ -80,10 +77,7 @@ def unpack_records(
     offsets = [0, *accumulate(size for _, size in fields)]
     stride = offsets[-1]
     if stride > _LARGEST_RECORD:
-        raise InputError(
-            f"the header promises points of {stride:,} bytes each; wanted at most {_LARGEST_RECORD:,}: it is damaged, "
-            "write or copy the file again"
-        )
+        raise InputError(f"the header promises points of {stride:,} bytes; wanted up to {_LARGEST_RECORD:,}")
     require_bytes(f"{count:,} points of {stride} bytes", count * stride, len(content) - start)
     formats = [fields[field][0] for field in roles.values()]
     places = [offsets[field] for field in roles.values()]
@@ -118,10 +112,7 @@ def require_believable(what: str, packed: int, plain: int) -> None:
     """Raise InputError if `what` claims a size in memory, `plain` [bytes], out of proportion to its size in the file,
     `packed` [bytes]."""
     if plain > most_unpacked(packed):
-        raise InputError(
-            f"{what} would make {plain:,} bytes of {packed:,}, which is not believable: the file is damaged, copy it "
-            "again; if it is right, save it without compression"
-        )
+        raise InputError(f"{what} would make {plain:,} bytes of {packed:,}: save the file without compression")
 
 
 def read_text(content: bytes) -> list[Cloud]:

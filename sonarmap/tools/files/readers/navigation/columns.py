@@ -83,15 +83,11 @@ def _mapped(header: Sequence[str], settings: NavigationSettings, notes: list[str
             continue
         if len(places) != 1:
             raise InputError(
-                f"--nav-columns: {len(places)} columns are called {heading!r}; wanted one of "
-                f"{', '.join(repr(each) for each in header)}"
+                f"--nav-columns: {len(places)} columns are {heading!r}; wanted one of {', '.join(map(repr, header))}"
             )
         stated = column_of(places[0], header[places[0]])
         if stated and quantity.endswith("_m") and stated.quantity in ("lat_deg", "lon_deg"):
-            raise InputError(
-                f"--nav-columns: {heading!r} holds degrees on the Earth, and {quantity} is in meters; give "
-                f"{stated.quantity}={heading}"
-            )
+            raise InputError(f"--nav-columns: {heading!r} holds degrees, not meters; give {stated.quantity}={heading}")
         of[quantity] = column_of(places[0], header[places[0]], quantity) or Column(places[0], heading, quantity)
     return of
 
@@ -100,19 +96,14 @@ def _refuse_misspelled(header: Sequence[str], known: list[Column], mapped: Mappi
     taken = {column.index for column in (*known, *mapped.values())}
     unknown = [heading for k, heading in enumerate(header) if k not in taken and (heading or is_own)]
     if is_own and unknown:
-        raise InputError(
-            f"unknown column {some(unknown)}; known are {', '.join(OWN)} and how logs call these (Depth, Heading, "
-            "Latitude, ...); for a log with other columns map them, as in --nav-columns depth_m=KP_DEPTH"
-        )
+        raise InputError(f"unknown column {some(unknown)}; known are {', '.join(OWN)}; for others see --nav-columns")
     there = {column.heading for column in known}
     for heading in dict.fromkeys(unknown):
         if not heading.endswith(("_deg", "_m")) or column_of(0, heading):
             continue
         nearest = get_close_matches(heading, OWN, 1, _MISSPELLED)
         if nearest and nearest[0] not in there:
-            raise InputError(
-                f"the column {heading!r} looks like a misspelled {nearest[0]}; correct it, or give it another name"
-            )
+            raise InputError(f"the column {heading!r} looks like a misspelled {nearest[0]}; rename it")
 
 
 def _each_once(known: list[Column], is_own: bool) -> dict[str, Column]:
@@ -171,10 +162,7 @@ def _choose_place(
     for first, second in PLACES[:2]:
         if (first in of) != (second in of):
             there, missing = (first, second) if first in of else (second, first)
-            raise InputError(
-                f"{there} ({of[there].heading!r}) can only be used with {missing}; give both, or map it with "
-                "--nav-columns"
-            )
+            raise InputError(f"{there} ({of[there].heading!r}) needs {missing}; give both, or use --nav-columns")
     there = [pair for pair in PLACES if pair[0] in of or pair[1] in of]
     wanted = [pair for pair in there if pair[0] in mapped]
     if settings.crs is not None:
@@ -184,8 +172,7 @@ def _choose_place(
             raise InputError("--nav-crs has no effect without columns of easting and northing; leave it out")
     if len(there) > 1 and not wanted and any(of[name].is_own for name in PLACES[2] if name in of):
         raise InputError(
-            "there are x_m and y_m beside places on the Earth; say which are meant, as in --nav-columns "
-            f"{there[0][0]}={of[there[0][0]].heading}"
+            f"there are x_m and y_m beside places; say --nav-columns {there[0][0]}={of[there[0][0]].heading}"
         )
     if not there:
         return
@@ -217,9 +204,7 @@ def _check_keys(of: dict[str, Column], is_own: bool, header: Sequence[str]) -> N
 def _check_measured(of: Mapping[str, Column], known: Collection[str] | None, is_own: bool) -> None:
     """Refuse missing measurements and sigmas; those of COLUMNS in `known` need no sigma; with None, none does."""
     if not any(name in of for name in MEASURED):
-        raise InputError(
-            f"there is no column of measurements; wanted one or more of {', '.join(COLUMNS)}, or latitude and longitude"
-        )
+        raise InputError(f"there is no column of measurements; wanted some of {', '.join(COLUMNS)}, or lat and lon")
     for first, second in PAIRS:
         if (first in of) != (second in of):
             raise InputError(f"{first} and {second} can only be used together; give both or neither")

@@ -145,10 +145,7 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
     if kind == "deg" and (unit in _REFERENCES or (quantity in ("lat_deg", "lon_deg") and unit not in _LENGTHS)):
         return units.get(unit, 1.0)
     if unit not in units:
-        raise InputError(
-            f"the column {heading!r} has the unit {unit!r}; wanted one of {', '.join(units)} for {quantity}; correct "
-            "its heading"
-        )
+        raise InputError(f"the column {heading!r} has the unit {unit!r}; wanted {', '.join(units)} for {quantity}")
     if units[unit] == FOOT and quantity in ("easting_m", "northing_m"):
         raise InputError(f"the column {heading!r} is in feet, international or US survey ones; give it in meters")
     return units[unit]

@@ -137,10 +137,7 @@ def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str,
         indices = _called(scans, key) or _called(scans, bare)
     if len(indices) > 1:
         both = " and ".join(scans[index].name for index in indices[:2])
-        raise InputError(
-            f"{where}: the {by} {key!r} fits {len(indices)} scans, among them {both}; rename their files, and use "
-            "their names"
-        )
+        raise InputError(f"{where}: the {by} {key!r} fits {len(indices)} scans, among them {both}; rename their files")
     if not indices and not allow_unknown:
         raise InputError(
             f"{where}: no scan has the {by} {key!r}; the first scan is called {scans[0].name!r} and has the stamp "
@@ -164,8 +161,7 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
     index = find_scan(scans, "name", cell, float("nan"), where, allow_unknown=True)
     if index is None and (index := index_of(cell, len(scans))) is None:
         raise InputError(
-            f"{where}: no scan is called {cell[:60]!r}; wanted a name as summary.json lists them, as "
-            f"{scans[0].name!r}, or a number from 0 to {len(scans) - 1} as in pairs.csv; fix it or delete the line"
+            f"{where}: no scan is called {cell[:60]!r}; wanted names as {scans[0].name!r}, or 0 to {len(scans) - 1}"
         )
     return index
 

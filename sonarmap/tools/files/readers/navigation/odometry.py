@@ -47,9 +47,7 @@ def read_odometry(
     stamps = trajectory.stamps
     if len(stamps) < 2 or not (np.diff(stamps) > 0).all():
         pose = int(np.argmin(np.diff(stamps) > 0)) + 1 if len(stamps) > 1 else 0
-        raise InputError(
-            f"{path}: wanted two poses or more with ascending stamps; pose {pose} is out of order; sort its rows"
-        )
+        raise InputError(f"{path}: wanted two poses or more with ascending stamps; pose {pose} is out of order")
     covered = _within(stamps, times)
     if covered.sum() < 2:
         raise InputError(f"{path} covers {int(covered.sum())} of the {len(scans)} scans: {why_apart(stamps, times)}")
@@ -90,13 +88,9 @@ def _read_log(
     missing = ["stamp"] * (log.key == "name")
     missing += [COLUMNS[k] for k in np.flatnonzero(np.isnan(log.values).all(axis=0)).tolist()]
     if missing:
-        raise InputError(
-            f"{path}: odometry needs times and the columns {', '.join(COLUMNS)}; {', '.join(missing)} not found"
-        )
+        raise InputError(f"{path}: odometry needs times and {', '.join(COLUMNS)}; {', '.join(missing)} not found")
     for row, column in np.argwhere(np.isnan(log.values)).tolist():
-        raise InputError(
-            f"{path}: line {log.lines[row]}: {COLUMNS[column]} is empty; odometry needs all of them in every row"
-        )
+        raise InputError(f"{path}: line {log.lines[row]}: {COLUMNS[column]} is empty; odometry needs all in every row")
     return poses_of(log.values), log.times
 
 
@@ -107,9 +101,7 @@ def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, flo
     except ValueError:
         percent = degrees = -1.0
     if not (0 <= percent <= LARGEST and 0 <= degrees <= LARGEST and percent + degrees > LEAST_SIGMA):
-        raise InputError(
-            f"{option} is {text!r}; give percent of the distance and degrees per hour, as in {option} 1,10"
-        )
+        raise InputError(f"{option} is {text!r}; wanted percent of the distance, degrees per hour, as in {option} 1,10")
     return percent / 100, float(np.radians(degrees)) / 3600
 
 

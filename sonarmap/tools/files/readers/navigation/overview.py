@@ -307,17 +307,13 @@ def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigma
         bare = measured[:, k] & np.isnan(deviations[:, k]) & (name not in (sigmas or {}))
         if bare.any():
             raise InputError(
-                f"{table.where(int(np.argmax(bare)))}: {name} has no standard deviation; fill in {SIGMA_COLUMNS[k]}, "
-                f"or give {PRIOR_SIGMAS}; fix that line"
+                f"{table.where(int(np.argmax(bare)))}: {name} has no standard deviation; fill in {SIGMA_COLUMNS[k]}"
             )
     for first, second in PAIRS:
         both = [COLUMNS.index(first), COLUMNS.index(second)]
         lone = measured[:, both].sum(axis=1) == 1
         if lone.any() and table.columns.is_own:
-            raise InputError(
-                f"{table.where(int(np.argmax(lone)))}: {first} and {second} can only be used together, and one is "
-                "empty; fix that line"
-            )
+            raise InputError(f"{table.where(int(np.argmax(lone)))}: one of {first} and {second} is empty; fix it")
         values[np.ix_(lone, both)] = np.nan
 
 
@@ -330,12 +326,7 @@ def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
     fine = [cell for name in names for cell in table.cells[name] if len(cell.partition(".")[2]) >= _DIGITS]
     if np.ptp(places, axis=0).max() >= _DEGREES_RANGE or len(fine) < len(places) or np.abs(places).max() < 1:
         return
-    low, high = places.min(axis=0), places.max(axis=0)
-    raise InputError(
-        f"{table.path}: {table.columns.heading(names[0])} runs from {low[0]:g} to {high[0]:g} and "
-        f"{table.columns.heading(names[1])} from {low[1]:g} to {high[1]:g}, which look like degrees, and should be "
-        "meters; call them Longitude and Latitude, or, if they are meters, round them to millimeters"
-    )
+    raise InputError(f"{table.path}: {names[0]} and {names[1]} look like degrees; call them Longitude and Latitude")
 
 
 def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
@@ -344,7 +335,6 @@ def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
     if largest > _GRID:
         both = " and ".join(table.columns.heading(name) for name in ("easting_m", "northing_m"))
         raise InputError(
-            f"{table.path}: {both} reach {largest:.0f} m, as in a map grid, whose North is not true North; say "
-            "which grid, as in --nav-crs EPSG:32632"
+            f"{table.path}: {both} reach {largest:.0f} m, as in a map grid; say which, as in --nav-crs EPSG:32632"
         )
     notes.append(f"{table.path}: eastings and northings are taken as meters from a local origin, by true North")

@@ -84,10 +84,7 @@ def navigate(
     grid = grid_of(settings, origin) if settings.heading_reference == "grid" else None
     for path, of_file in zip(paths, of_files, strict=True) if on_earth and settings.origin is None else ():
         if path not in on_earth and any(prior is not None and prior.knows_position for prior in of_file):
-            raise InputError(
-                f"{on_earth[0]} has positions on the Earth, and those of {path} count from an unknown origin; give it "
-                "by --origin LAT,LON"
-            )
+            raise InputError(f"{on_earth[0]} has positions on the Earth, {path} has not; give --origin LAT,LON")
     if origin is not None and (grid is not None or on_earth):
         priors = by_the_maps_north(priors, origin, grid)
     if settings.mount is not None:
@@ -136,10 +133,7 @@ def _merged(
                 sigmas[f, k, known] = sigmas_of(prior)[known]
     for k, column in np.argwhere(np.isfinite(values).sum(axis=0) > 1).tolist():
         one, other = (paths[f] for f in np.flatnonzero(np.isfinite(values[:, k, column]))[:2])
-        raise InputError(
-            f"{one} and {other} both give {COLUMNS[column]} of the scan {scans[k].name}; delete that column, or the "
-            "rows, from one of them"
-        )
+        raise InputError(f"{one} and {other} both give {COLUMNS[column]} of {scans[k].name}; delete one")
     together = zip(np.fmax.reduce(values), np.fmax.reduce(sigmas), strict=True)
     return [prior_of(*row) if np.isfinite(row[0]).any() else None for row in together]
 
@@ -168,9 +162,7 @@ def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unkn
         if index is None:
             continue
         if index in lines:
-            raise InputError(
-                f"{path}: lines {lines[index]} and {line} are both for the scan {scans[index].name}; delete one"
-            )
+            raise InputError(f"{path}: lines {lines[index]} and {line} are both for {scans[index].name}; delete one")
         lines[index] = line
         priors[index] = prior_of(log.values[row], log.sigmas[row]) if log.measured[row] else None
     if not lines:

@@ -59,10 +59,7 @@ class Mount:
         those of the position at the end of the lever arm; without a heading the horizontal position is the vehicle's,
         with the arm's length added to its error."""
         if vehicle.knows_heading and not vehicle.knows_attitude and np.degrees(self.tilt) > _MAX_MOUNT_TILT:
-            raise InputError(
-                f"the sonar is mounted at a tilt of {np.degrees(self.tilt):.0f} degrees, for which a heading alone "
-                "is not enough; add columns of roll and pitch"
-            )
+            raise InputError(f"mounted at a tilt of {np.degrees(self.tilt):.0f} degrees: add columns of roll and pitch")
         T_world_sensor = vehicle.T_world_sensor * self.T_vehicle_sensor
         R, arm = vehicle.T_world_sensor.rotation, self.T_vehicle_sensor.translation
         lever = R.apply(arm)
@@ -105,23 +102,16 @@ class NavigationSettings:
         _require_one_of("--time-scale", self.time_scale, TIME_SCALES)
         _require_one_of("--nav-frame", self.frame, NAV_FRAMES)
         if self.heading_reference == "magnetic":
-            raise InputError(
-                "--heading-reference magnetic: the declination of the place and year is not known here; give it as "
-                "--magnetic-declination DEG (East positive) and leave --heading-reference out"
-            )
+            raise InputError("--heading-reference magnetic: give --magnetic-declination DEG (East positive) instead")
         _require_one_of("--heading-reference", self.heading_reference, HEADING_REFERENCES)
         if self.offset is not None and not abs(self.offset) <= _MAX_OFFSET:
             raise InputError(f"--nav-offset is {self.offset:g}; wanted seconds within {_MAX_OFFSET:g}")
         if self.declination is None:
             return
         if not abs(self.declination) <= 180:
-            raise InputError(
-                f"--magnetic-declination is {self.declination:g}; wanted degrees within 180, East positive"
-            )
+            raise InputError(f"--magnetic-declination is {self.declination:g}; wanted degrees within 180")
         if self.heading_reference == "grid":
-            raise InputError(
-                "--magnetic-declination is for magnetic headings, not for grid headings; give only one of both"
-            )
+            raise InputError("--magnetic-declination is not for grid headings; give only one of both")
 
     @property
     def points_up(self) -> bool:
@@ -185,9 +175,7 @@ def parse_mount(text: str, frame: NavFrame | None = None) -> Mount:
         numbers = np.empty(0)
     if len(numbers) not in (3, 6) or not ((np.abs(numbers[:3]) <= 360).all() and (np.abs(numbers[3:]) <= 100).all()):
         raise InputError(
-            f"--mount is {text!r}; wanted roll, pitch and heading of the sonar on the vehicle in degrees, and perhaps "
-            "where it sits, X forward, Y starboard, Z down in meters (with --nav-frame flu Y port, Z up), as in "
-            "--mount 0,-30,0,0.4,0,0.2"
+            f"--mount is {text!r}; wanted roll, pitch, heading, perhaps x, y, z, as in --mount 0,-30,0,0.4,0,0.2"
         )
     return Mount.of(numbers[:3], numbers[3:] if len(numbers) == 6 else np.zeros(3), up=frame in UP_FRAMES)
 
@@ -206,9 +194,7 @@ def local_places(
         known &= ~unset
     values[~known, 3:5] = np.nan
     if not known.any():
-        raise InputError(
-            "no row has a position; wanted a latitude and longitude, or an easting and northing, in some rows"
-        )
+        raise InputError("no row has a position; wanted a latitude and longitude, or an easting and northing")
     # East and North at the vehicle's depth; at the surface where no depth is known
     heights = -np.nan_to_num(values[known, 5])
     geodetic = np.column_stack([values[known, 4], values[known, 3], heights])
@@ -218,9 +204,7 @@ def local_places(
     if origin is None:
         origin = rounded_origin(geodetic, "fix", notes)
     if origin.heading != EAST:
-        raise InputError(
-            "--origin-heading has no effect where navigation places the map, whose x is East; leave it out"
-        )
+        raise InputError("--origin-heading has no effect where navigation places the map; leave it out")
     geodetic[:, 2] += origin.height
     values[known, 3:5] = origin.local(geodetic)[:, :2]
     return values, origin
@@ -236,10 +220,7 @@ def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georefe
 def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> Projection:
     """The projection whose grid North headings count from."""
     if georeference is None:
-        raise InputError(
-            "--heading-reference grid: grid North depends on the position; give --origin, or navigation with "
-            "geographic positions"
-        )
+        raise InputError("--heading-reference grid needs a position; give --origin, or geographic navigation")
     return Projection.of(georeference, settings.crs)
 
 

@@ -44,10 +44,7 @@ def times_of(cells: TimeCells, scale: TimeScale | None, scans: np.ndarray, notes
     """(n,) UTC [s] of the rows. `scale`: the user's choice; None for UTC, or GPS time if there are GPS weeks. `scans`:
     (N,) stamps of the scans [s], for times without a date."""
     if cells.column.word in GPS_NAMES and scale is None and cells.weeks is None:
-        raise InputError(
-            f"{cells.path}: {cells.column.heading!r} may be GPS time, or the UTC that a GPS receiver gives; say which, "
-            "--time-scale gps or --time-scale utc"
-        )
+        raise InputError(f"{cells.path}: {cells.column.heading!r} may be GPS time or UTC; say --time-scale gps or utc")
     values = np.array([number(cell) for cell in cells.stamps])
     if cells.weeks is not None:
         return _of_weeks(cells, values, cells.weeks, scale)
@@ -153,8 +150,7 @@ def _day_first(cells: TimeCells, dates: Sequence[str]) -> bool:
     first, second = (any(int(match[k]) > 12 for match in parts) for k in (1, 3))
     if parts and first == second and any(match[1] != match[3] for match in parts):
         raise InputError(
-            f"{cells.path}: line {cells.lines[0]}: the date {parts[0][0]!r} may be day/month or month/day; write dates "
-            "as 2026-07-01"
+            f"{cells.path}: line {cells.lines[0]}: {parts[0][0]!r} may be day/month or month/day; write 2026-07-01"
         )
     return first
 

@@ -63,9 +63,7 @@ def read_all(path: Path) -> RecordedLine:
         others = {name: any(isinstance(d, Datagram) for d in datagrams_in(content, k)) for name, k in _OTHERS.items()}
         held = " and ".join(name for name, is_there in others.items() if is_there)
         what = f"{held}, but no soundings" if held else "no soundings"
-        raise InputError(
-            f"it holds {what}; wanted datagrams X (XYZ 88) or D: give the line's .all, or export it as GSF"
-        )
+        raise InputError(f"it holds {what}; wanted datagrams X or D: give the line's .all, or export it as GSF")
     return _line(path.stem, found)
 
 

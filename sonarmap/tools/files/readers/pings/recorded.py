@@ -92,9 +92,7 @@ def assembled(
     soundings, total = np.concatenate([points[k] for k in order]), sum(beams[k] for k in order)
     near = (np.abs(soundings) <= _MAX_RANGE).all(axis=1)  # NaN is left out too
     if not near.any():
-        raise InputError(
-            f"all {total:,} soundings of its {len(order):,} pings are rejected; give a line with soundings"
-        )
+        raise InputError(f"all {total:,} soundings of its {len(order):,} pings are rejected")
     speeds = [speed for speed in sound_speeds if 1300 < speed < 1700]  # the range in water
     return RecordedLine(
         name,

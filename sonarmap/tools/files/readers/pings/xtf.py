@@ -167,10 +167,7 @@ def read_xtf(path: Path) -> RecordedLine:
     if not packets.ranges:
         raise InputError(_why_none(packets))
     if header.NavUnits != _DEGREES:
-        raise InputError(
-            f"its positions are not in degrees (NavUnits {header.NavUnits}, wanted 3); export it with latitudes and "
-            "longitudes"
-        )
+        raise InputError(f"its positions are not in degrees (NavUnits {header.NavUnits}, wanted 3); export it again")
     return _line(path.stem, header, packets, pyxtf)
 
 

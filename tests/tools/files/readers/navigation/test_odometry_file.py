@@ -144,7 +144,7 @@ class TestTransforms:
 
     def test_recordings_without_a_moving_base_link_are_refused(self, tmp_path: Path) -> None:
         for topic, parent, words in (
-            ("/tf", "map", "no odometry in it: no message of nav_msgs/msg/Odometry, and no transform"),
+            ("/tf", "map", "no odometry: no nav_msgs/msg/Odometry, no tf2_msgs/msg/TFMessage"),
             ("/tf_static", "odom", "base_link does not move in odom"),
         ):
             still = (topic, TF, 1.0, transforms((1.0, parent, "base_link", (0, 0, 0), ALONE)))

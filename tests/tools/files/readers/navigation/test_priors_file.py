@@ -115,7 +115,7 @@ HEADINGS = (
     ("name,depth_m,depth_sigma_m,heading_sigma_deg", "heading_sigma_deg but no heading_deg"),
 )
 ROWS = (
-    ("first,1,1,1", "4 cells where the heading has 5"),
+    ("first,1,1,1", "4 cells, the heading 5"),
     ("first,north,1,1,1", "heading_deg is 'north'", "empty cell"),
     ("first,1,1,-inf,1", "depth_m is '-inf'"),
     ("first,1,0,1,1", "heading_sigma_deg is 0", "above 0"),
@@ -125,11 +125,11 @@ ROWS = (
     ('"first,1,1,1,1', "CSV"),
 )
 OTHERS = (
-    (f"name,{ATTITUDE}\nfirst,1,,1,1\n", "line 2", "only be used together"),
+    (f"name,{ATTITUDE}\nfirst,1,,1,1\n", "line 2", "one of roll_deg and pitch_deg is empty"),
     ("stamp,depth_m,depth_sigma_m\n9000.5,1,1\n", "no row is at the time of a scan", "9000.500", "one clock"),
     (FIRST, "no row below its heading"),
     (f"{FIRST}rec#3,1,1,1,1\nfirst,1,1", "line 3", "3 cells", "may have been cut"),
-    *((f"name,{column}\nfirst,1\n", "line 1", column, "only be used with") for column in ("lat", "lon_deg", "LON")),
+    *((f"name,{column}\nfirst,1\n", "line 1", column, "give both") for column in ("lat", "lon_deg", "LON")),
 )
 
 
@@ -267,13 +267,13 @@ class TestSeveralFiles:
         [
             (
                 (DEPTH, "name,depth_m,depth_sigma_m\na.ply,3,1\n"),
-                "log0.csv and .*log1.csv both give depth_m of the scan a",
+                "log0.csv and .*log1.csv both give depth_m of a",
             ),
-            ((DEPTH, DEPTH), "both give depth_m of the scan first"),
-            ((PLACES, "name,x_m,y_m,x_sigma_m,y_sigma_m\na.ply,1,1,1,1\n"), "both give x_m of the scan a"),
+            ((DEPTH, DEPTH), "both give depth_m of first"),
+            ((PLACES, "name,x_m,y_m,x_sigma_m,y_sigma_m\na.ply,1,1,1,1\n"), "both give x_m of a"),
             (
                 (PLACES.replace("100,60,5,1,1\n", ""), "name,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,1,1,1\n"),
-                "log0.csv has positions on the Earth, and those of .*log1.csv count from an unknown origin.*--origin",
+                "log0.csv has positions on the Earth, .*log1.csv has not; give --origin",
             ),
         ],
     )
