@@ -10,7 +10,6 @@ import shlex
 import shutil
 import sys
 import tempfile
-import textwrap
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -29,7 +28,6 @@ _TRIAL = 64 << 10  # bytes that are written to see whether a file can grow
 _USUAL_EDGE = 128  # of --grid
 # Modules whose names differ from their distributions'.
 _MODULES = {"pillow": "PIL", "protobuf": "google.protobuf", "python-neo-lzf": "lzf"}
-_NARROWEST, _WIDEST = 60, 100  # columns of the output
 _INDENT = " " * 21  # columns of the verdict and of the name
 
 
@@ -55,12 +53,11 @@ class Finding:
 def run(folder: Path, quick: bool, in_json: bool, known: Sequence[Finding] = ()) -> int:
     """Check everything, and print each finding at once, or all as JSON at the end; `known` are earlier findings. Return
     the exit code: 0 if all that is needed works, else 2."""
-    width = min(max(shutil.get_terminal_size().columns, _NARROWEST), _WIDEST)
     findings: list[Finding] = []
     for finding in chain(known, examine(folder, quick)):
         findings.append(finding)
         if not in_json:
-            _print("\n".join(lines_of(finding, width)))
+            _print("\n".join(lines_of(finding)))
     _print(json.dumps(as_json(findings), indent=2) if in_json else f"\n{summary(findings)}")
     return WRONG if any(finding.verdict == "wrong" for finding in findings) else 0
 
@@ -316,16 +313,13 @@ def summary(findings: Sequence[Finding]) -> str:
     return f"{name}: all that is needed works" + (f"; {also}" if also else "")
 
 
-def lines_of(finding: Finding, width: int = 80) -> list[str]:
+def lines_of(finding: Finding) -> list[str]:
     """A finding as lines: the verdict, the name, what was seen, and below it the remedies. A command has a line of
     its own, so that it can be copied."""
     first, *others = finding.seen.splitlines() or [""]
-    lines = _wrapped(first, f"{finding.verdict:<9}{finding.check:<12}", width)
-    for line in others:
-        lines += _wrapped(line, _INDENT, width)
+    lines = [f"{finding.verdict:<9}{finding.check:<12}{first}", *(_INDENT + line for line in others)]
     for remedy in finding.remedies:
-        lines += _wrapped(remedy.words, f"{_INDENT}> ", width)
-        lines += [f"{_INDENT}  {remedy.command}"] if remedy.command else []
+        lines += [f"{_INDENT}> {remedy.words}", *([f"{_INDENT}  {remedy.command}"] if remedy.command else [])]
     return lines
 
 
@@ -347,11 +341,6 @@ def _version(distribution: str) -> str:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return ""
-
-
-def _wrapped(text: str, head: str, width: int) -> list[str]:
-    wrap = textwrap.TextWrapper(width, head, " " * len(head), break_long_words=False, break_on_hyphens=False)
-    return wrap.wrap(text) or [head.rstrip()]
 
 
 def _print(text: str) -> None:
