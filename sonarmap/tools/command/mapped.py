@@ -15,7 +15,7 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.tools.command.failures import as_options
-from sonarmap.tools.command.terminal import error_console, number_table, print_json, printable, result_console, warn
+from sonarmap.tools.command.terminal import number_table, print_json, printable, result_console, warn
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.pair import Pair
     from sonarmap.slam.survey_result import SurveyResult
 
-MOST_WARNINGS, LINES_OF_A_WARNING = 3, 2  # what fits a screen; --verbose shows all in full
+MOST_WARNINGS = 3  # --verbose shows all
 MOST_OF_A_KIND = 5  # warnings of one kind
 MOST_FILES = 12  # names of files on a terminal
 _LABELS = 9  # columns of the rows' labels
@@ -77,9 +77,7 @@ def written_summary(out: Path) -> str:
         return (out / SUMMARY).read_text(encoding="utf-8")
     except OSError as error:
         reason = error.strerror or error
-        raise InputError(
-            f"cannot read {out / SUMMARY}: {reason}; it was removed after it was written. Run the command again"
-        ) from error
+        raise InputError(f"cannot read {out / SUMMARY}: {reason}; it was removed. Run the command again") from error
 
 
 def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
@@ -88,12 +86,11 @@ def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
     from sonarmap.tools.products.output.faults import faults
 
     sentences = [as_options(fault) for fault in faults(mapped.result, mapped.names)]
-    shown = sentences if verbose else [_shortened(fault) for fault in sentences[:MOST_WARNINGS]]
+    shown = sentences if verbose else sentences[:MOST_WARNINGS]
     for fault in shown:
         warn(fault)
-    if shown != sentences:
-        more = f"{len(sentences) - len(shown)} more, and all" if len(shown) < len(sentences) else "all"
-        warn(f"{more} in full: {mapped.out / SUMMARY} (warnings), or --verbose")
+    if more := len(sentences) - len(shown):
+        warn(f"{more} more: {mapped.out / SUMMARY} (warnings), or --verbose")
 
 
 def warn_of_some(messages: Sequence[str]) -> None:
@@ -102,15 +99,6 @@ def warn_of_some(messages: Sequence[str]) -> None:
         warn(message)
     if more := len(messages[MOST_OF_A_KIND:]):
         warn(f"{more} more like these")
-
-
-def _shortened(fault: str) -> str:
-    """The warning; on a terminal only its first lines."""
-    console = error_console()
-    room = LINES_OF_A_WARNING * (console.width - 10)  # lines end between words
-    if not console.is_terminal or len(fault) <= room:
-        return fault
-    return fault[:room].rsplit(" ", 1)[0] + " …"
 
 
 def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
@@ -253,15 +241,13 @@ def _files(mapped: Mapped) -> str:
 PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
 SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"
 _NUMBERS = ("peak", "overlap", "yaw", "distance", "sigmas", "seconds")
-_LESS_IMPORTANT = ("seconds", "distance", "yaw")  # in the order in which a narrow terminal omits them
-_LEAST_FOR_NAMES = 20  # columns for the scans' names
 LISTED = 20  # points in the table; summary.json lists all
 
 
 def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
     """Print the table of pairs, the reasons of the refused ones, and chi-squared before and after optimizing."""
     console = result_console()
-    console.print(_table(result.pairs, names, console.width))
+    console.print(_table(result.pairs, names))
     refused = [pair for pair in result.pairs if not pair.kept]
     for pair in refused:
         console.print(f"{_label(pair, names)}: {printable(as_options(pair.reason))}", markup=False)
@@ -275,21 +261,14 @@ def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
     )
 
 
-def _table(pairs: "Sequence[Pair]", names: Sequence[str], width: int) -> "Table":
-    """The table of pairs, without columns that do not fit beside the names."""
+def _table(pairs: "Sequence[Pair]", names: Sequence[str]) -> "Table":
     from rich.text import Text
 
-    rows = [_numbers(pair) for pair in pairs]
-    wide = {name: max(len(name), *(len(row[name]) for row in rows)) + 1 for name in _NUMBERS}
-    shown = list(_NUMBERS)
-    for name in _LESS_IMPORTANT:
-        if width - len("sequential rejected ") - 1 - sum(wide[name] for name in shown) < _LEAST_FOR_NAMES:
-            shown.remove(name)
-    table = number_table("pair", "role", "", *shown, words=3)
+    table = number_table("pair", "role", "", *_NUMBERS, words=3)
     table.collapse_padding = table.columns[1].no_wrap = table.columns[2].no_wrap = True
-    for pair, row in zip(pairs, rows, strict=True):
+    for pair in pairs:
         verdict = Text("kept", "green") if pair.kept else Text("rejected", "red")
-        table.add_row(Text(_label(pair, names)), pair.role, verdict, *(row[name] for name in shown))
+        table.add_row(Text(_label(pair, names)), pair.role, verdict, *_numbers(pair))
     return table
 
 
@@ -297,19 +276,19 @@ def _label(pair: "Pair", names: Sequence[str]) -> str:
     return printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n")
 
 
-def _numbers(pair: "Pair") -> dict[str, str]:
-    """Numbers of a pair by column; "" for a pair that could not be registered."""
+def _numbers(pair: "Pair") -> Sequence[str]:
+    """Numbers of a pair, as `_NUMBERS`; "" for a pair that could not be registered."""
     if pair.registration is None:
-        return dict.fromkeys(_NUMBERS, "")
+        return [""] * len(_NUMBERS)
     registration, T = pair.registration, pair.registration.T_target_source
-    return {
-        "peak": f"{registration.psr:.0f}" if math.isfinite(registration.psr) else "",
-        "overlap": f"{registration.overlap:.0%}",
-        "yaw": f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
-        "distance": f"{float((T.translation**2).sum() ** 0.5):.2f} m",
-        "sigmas": f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
-        "seconds": f"{registration.seconds:.2f}",
-    }
+    return [
+        f"{registration.psr:.0f}" if math.isfinite(registration.psr) else "",
+        f"{registration.overlap:.0%}",
+        f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
+        f"{float((T.translation**2).sum() ** 0.5):.2f} m",
+        f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
+        f"{registration.seconds:.2f}",
+    ]
 
 
 def print_hand(result: "SurveyResult", names: Sequence[str]) -> None:

@@ -8,13 +8,12 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
-from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console, RenderableType
 from rich.live import Live
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Column
 from rich.text import Text
 
@@ -212,7 +211,7 @@ class _Bar(Progress):
             BarColumn(max(min(_WIDEST_BAR, room), 4)),
             TextColumn("{task.fields[count]}", "progress.download", table_column=count),
             TimeElapsedColumn(table_column=fixed),
-            _Left(table_column=fixed),
+            TimeRemainingColumn(table_column=fixed),
             console=console,
             speed_estimate_period=WINDOW,
             get_time=lambda: time.monotonic(),
@@ -239,19 +238,6 @@ class _Bar(Progress):
         yield from super().get_renderables()
         if self._note:
             yield Text(f"  {self._note}", style="dim", no_wrap=True, overflow="ellipsis")
-
-
-class _Left(ProgressColumn):
-    """The time left, while the work goes on."""
-
-    max_refresh = 0.5
-
-    def render(self, task: Task) -> Text:
-        if task.stop_time is not None or task.total is None:
-            return Text("")
-        left = task.time_remaining
-        words = "-:--:-- left" if left is None else f"about {timedelta(seconds=left)} left"
-        return Text(words, style="progress.remaining")
 
 
 class _Lines:

@@ -1,5 +1,6 @@
 """Warnings after mapping, progress bars, and the table of pairs."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -139,7 +140,7 @@ def test_only_the_three_most_important_warnings_are_shown(capsys: pytest.Capture
     warn_of_faults(mapped)
     shown = capsys.readouterr().err.splitlines()
     assert shown[:3] == [f"warning: {sentence}" for sentence in messages[:3]]
-    assert shown[3] == f"warning: 1 more, and all in full: {tmp_path / 'summary.json'} (warnings), or --verbose"
+    assert shown[3] == f"warning: 1 more: {tmp_path / 'summary.json'} (warnings), or --verbose"
     warn_of_faults(mapped, verbose=True)
     assert capsys.readouterr().err.splitlines() == [f"warning: {sentence}" for sentence in messages]
 
@@ -181,15 +182,12 @@ def test_a_long_message_does_not_hide_bar_count_and_time_left(columns: int) -> N
     line, words = shown.moment
     assert line.startswith("mapping ")
     assert "━" * 4 in line
-    assert "/1200 0:0" in line
-    assert line.endswith(" left")
-    assert "about 0:0" in line
+    assert re.search(r"/1200 0:0\S+ 0:0\S+$", line)
     assert words.startswith("  scan_008 - scan_009: accepted")
     assert words.endswith("…")
     assert max(map(len, shown.moment)) <= columns
     assert len(shown.lines) == 1  # a finished bar becomes one line
     assert "40/1200" in shown.lines[0]
-    assert "left" not in shown.lines[0]
 
 
 class TestProgress:
@@ -258,12 +256,9 @@ def test_a_terminal_shows_that_the_map_is_incomplete(scans: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_table_of_pairs_is_not_truncated_at_60_or_80_columns(scans: Path) -> None:
-    for columns in (60, 80):
-        command = ("map", "scans", "-o", "out", *GRID, "--verbose")
-        shown = on_screen(SONARMAP, *command, columns=columns, rows=80, folder=scans)
-        head = next(k for k, line in enumerate(shown.lines) if line.startswith("pair "))
-        assert {"role", "peak", "overlap", "sigmas"} <= set(shown.lines[head].split())
-        assert ("distance" in shown.lines[head]) == (columns == 80)
-        assert shown.lines[head + 1].startswith("a - b")
-        assert "…" not in "".join(shown.lines[head : head + 5])
+def test_the_table_of_pairs_is_not_truncated_at_80_columns(scans: Path) -> None:
+    shown = on_screen(SONARMAP, "map", "scans", "-o", "out", *GRID, "--verbose", columns=80, rows=80, folder=scans)
+    head = next(k for k, line in enumerate(shown.lines) if line.startswith("pair "))
+    assert {"role", "peak", "overlap", "distance", "sigmas"} <= set(shown.lines[head].split())
+    assert shown.lines[head + 1].startswith("a - b")
+    assert "…" not in "".join(shown.lines[head : head + 5])
