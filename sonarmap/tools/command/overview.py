@@ -1,7 +1,6 @@
 """Overviews of scan files and of navigation logs, printed and as JSON."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isclose, nan
 from pathlib import Path
@@ -15,7 +14,6 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
 from sonarmap.tools.command.terminal import print_rows, printable
-from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.file import FORMATS, format_of
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.navigation.overview import LogOverview
@@ -34,7 +32,6 @@ from sonarmap.tools.files.time_scales import Clock, clock_of, utc
 
 _MOST_NOTES = 20  # about single scans
 _MOST_LINES = 6  # of pings, that are printed
-Place = tuple[float, float, float]  # latitude, longitude [deg], height [m]
 
 
 @dataclass(slots=True)
@@ -59,8 +56,6 @@ class Overview:
     clock: Clock | None = None  # of the scans' stamps; None if some scans have no time
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
     lines: list[LineOverview] = field(default_factory=list[LineOverview])  # lines of pings, whose patches are the scans
-    # by file, positions of the patches of lines that are near enough to each other for one map
-    sites: list[dict[Path, list[Place]]] = field(default_factory=list[dict[Path, list[Place]]])
 
     def add(self, entry: ScanEntry) -> None:
         """Add a scan to the statistics; the scan itself is not kept."""
@@ -76,29 +71,10 @@ class Overview:
         self.with_strength += scan.strength is not None
         self.with_viewpoints += scan.viewpoints is not None
         self.notes += [f"{entry.name}: {note}" for note in entry.notes]
-        if entry.patch is not None:
-            self._locate(entry.path, entry.patch.geodetic)
         if scan.prior is not None and scan.prior.knows_attitude:
             self.attitudes.append(values_of(scan.prior.T_world_sensor)[:2])
         if entry.sound_speed is not None:
             self.speeds.append(entry.sound_speed)
-
-    def _locate(self, path: Path, place: Place) -> None:
-        """Add a patch to the first site near it, or to a new site."""
-        for site in self.sites:
-            latitude, longitude, _ = next(iter(site.values()))[0]
-            with suppress(InputError):
-                Georeference(latitude, longitude).local(np.array([place]))
-                site.setdefault(path, []).append(place)
-                return
-        self.sites.append({path: [place]})
-
-    @property
-    def one_map(self) -> tuple[int, list[Path]]:
-        """Number of scans that one map can hold, and the files of their lines; no files if all scans fit."""
-        if len(self.sites) < 2:
-            return len(self.names), []
-        return max((sum(map(len, site.values())), list(site)) for site in self.sites)
 
     @property
     def size(self) -> int:
@@ -161,8 +137,6 @@ def overview_of(
     if (more := len(overview.notes) - _MOST_NOTES) > 0:
         overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
     overview.notes[:0] = [*file_notes, *stamp_notes]
-    if len(overview.sites) > 1:
-        overview.notes.append(f"the lines are at {len(overview.sites)} sites, too far apart for one map")
     overview.lines += [line_overview(path) for path in dict.fromkeys(of_lines)]
     return overview
 

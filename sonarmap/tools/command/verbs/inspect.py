@@ -55,9 +55,7 @@ def command(
         require_writable(template.parent)
     if is_log(path := Path(inputs[0])):
         if template is not None:
-            raise InputError(
-                f"--template {template} is for scans, and {path} is a log of navigation; give the scans alone"
-            )
+            raise InputError(f"--template {template} is for scans, and {path} is a log of navigation")
         if not _inspect_log(path, inputs[1:], points, reading, plot, as_json, quiet):
             raise typer.Exit(INCOMPLETE)
         return
@@ -70,9 +68,8 @@ def command(
     if template is not None:
         write_template(template, overview.names, overview.stamps)
         say(f"written to {template}: {counted(len(overview.names), 'row')}")
-    scans, files = overview.one_map
-    quoted = map(shlex.quote, [str(path) for path in files] or inputs)
-    following = " ".join(["sonarmap map", *quoted, *options, "-o map/"]) if scans > 1 else None
+    words = ["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"]
+    following = " ".join(words) if len(overview.names) > 1 else None
     if as_json:
         print_json(overview_json(overview, following, names))
     elif names:

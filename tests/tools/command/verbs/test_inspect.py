@@ -95,7 +95,7 @@ class TestOtherFormats:
 
     def test_sound_speed_is_refused_for_a_format_without_one(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
-        words = ("--sound-speed 1490 cannot be used, as a PLY file does not say", "give --range-scale instead")
+        words = ("--sound-speed cannot be used, as a PLY file has no speed; give --range-scale",)
         for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
             refused(sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490"), *words)
 
