@@ -56,7 +56,7 @@ def test_a_map_is_written_and_opened(written: sonarmap.Map, result: sonarmap.Sur
 
 
 def test_a_map_is_exported(written: sonarmap.Map, scans: Path, tmp_path: Path) -> None:
-    exported = sonarmap.export_map(written, tmp_path / "gis", ["laz", "geotif"], crs="EPSG:25832")
+    exported = sonarmap.export_map(written, tmp_path / "gis", ["laz", "geotiff"], crs="EPSG:25832")
     assert [path.name for path in exported.files if path.suffix != ".json"] == ["map.laz", "grid.tif", "grid.qml"]
     assert any("`origin`" in note for note in exported.notes) or not any("--" in note for note in exported.notes)
     sonarmap.export_map(written.path, tmp_path, "laz", points="all", crs="map")
@@ -123,7 +123,7 @@ def test_navigation_is_read_from_python(scans: Path, tmp_path: Path) -> None:
     for given, words in (
         ({"sigmas": [1.0]}, r"`sigmas=.*wanted finite numbers of shape \(6,\)"),
         ({"frame": "enz"}, "`frame` is 'enz'"),
-        ({"heading_reference": "magnetic"}, "give it as `declination`"),
+        ({"heading_reference": "magnetic"}, "give `declination`"),
         ({"crs": "EPSG:32632", "columns": {"depth_m": "Z"}}, "`"),
         ({}, "scan0.npz: line 1 is not a CSV line"),
     ):

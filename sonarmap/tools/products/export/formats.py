@@ -20,7 +20,6 @@ if TYPE_CHECKING:  # the command line lists the formats in its help, which shoul
     from sonarmap.tools.products.export.clouds import Cloud
     from sonarmap.tools.products.export.georeferenced import MapGrid
 
-_MIN_SIMILARITY = 0.85  # of a misspelled name, such as geotif, to the format that it is taken for
 
 # Kinds of a cell's height: name and description.
 HEIGHTS = {
@@ -146,16 +145,13 @@ FORMATS = {
 
 
 def known_formats(names: Iterable[str]) -> list[str]:
-    """The named formats without repetition; a misspelled name counts as the format that it resembles most."""
+    """The named formats without repetition."""
     known: dict[str, None] = {}
     for given in names:
         name = given.strip().lower()
         if name not in FORMATS:
-            matches = get_close_matches(name, FORMATS, 1, _MIN_SIMILARITY)
-            if not matches:
-                near = "".join(f"did you mean {other}? Else " for other in get_close_matches(name, FORMATS, 1))
-                raise InputError(f"{name!r}; {near}choose from {', '.join(FORMATS)}, several separated by commas")
-            name = matches[0]
+            near = "".join(f"did you mean {other}? Else " for other in get_close_matches(name, FORMATS, 1))
+            raise InputError(f"{name!r}; {near}choose from {', '.join(FORMATS)}, several separated by commas")
         if library := FORMATS[name].library:
             require(library)
         known[name] = None
