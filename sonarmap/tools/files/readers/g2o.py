@@ -41,7 +41,6 @@ _LEAST = 1e-6  # smallest eigenvalue of a repaired information matrix, relative 
 _ROUNDED = 1e-8  # an information matrix is repaired if an eigenvalue is below this times _LEAST times the largest
 _LEAST_LARGEST = 1e-20  # lower bound of the largest eigenvalue
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
-_MOST_PARTS = 4  # components, and runs of ids in each, that a message lists
 _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
 
 
@@ -89,19 +88,9 @@ def require_connected(path: Path, graph: PoseGraph) -> None:
     ids = graph.trajectory.stamps.astype(np.int64)
     second = ids[parts[1][0]]
     number = next(n for n, line in _by_tag(path)[VERTEX] if int(float(line.split(maxsplit=1)[0])) == second)
-    listed = "; ".join(_listed(ids[list(part)]) for part in parts[:_MOST_PARTS])
-    listed += "; ..." if len(parts) > _MOST_PARTS else ""
     raise InputError(
-        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the graph is in "
-        f"{len(parts)} parts, of the vertices {listed}. Add an edge that joins them, or write each part to a file of "
-        "its own"
+        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}; join {len(parts)} parts"
     )
-
-
-def _listed(ids: np.ndarray) -> str:
-    runs = np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1)
-    words = [f"{run[0]}" if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs[:_MOST_PARTS]]
-    return ", ".join(words) + (", ..." if len(runs) > _MOST_PARTS else "")
 
 
 def _by_tag(path: Path) -> dict[str, list[Line]]:
