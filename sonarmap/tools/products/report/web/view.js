@@ -6,7 +6,6 @@ const MANY = 30000; // of fewer points all are drawn while moving, too
 const THIRD = 3; // of more, every third; fewer on machines that take longer than SLOW for a frame
 const FEWEST = 30; // WebGL allows no wider steps
 const [SLOW, QUICK] = [50, 20]; // [ms]
-const FLIGHT = 600; // [ms]
 const ARM = 0.012; // of a control point's cross, as a share of the map's reach
 
 class View {
@@ -208,22 +207,6 @@ class View {
       clearTimeout(this.settling);
       this.settling = setTimeout(() => this.request(), STILL);
     }
-  }
-
-  /** Look at a place from this distance [m], in a flight that a movement by the user ends. */
-  fly(place, near) {
-    const { camera } = this, { target: from, distance: far } = camera, begin = performance.now();
-    const lasts = matchMedia("(prefers-reduced-motion: reduce)").matches ? 1 : FLIGHT;
-    let last = from;
-    const step = (now) => {
-      if (camera.target !== last) return; // as the user moved it, or another flight began
-      const time = Math.max(0, Math.min(1, (now - begin) / lasts)), share = time * time * (3 - 2 * time);
-      camera.lookAt(sum(from, minus(place, from), share), far * (near / far) ** share);
-      last = camera.target;
-      this.request(true);
-      if (time < 1) requestAnimationFrame(step);
-    };
-    requestAnimationFrame(step);
   }
 
   /** Which points are drawn while moving: every third, or fewer if the frames before took long. */
