@@ -41,8 +41,7 @@ def load_package(module: str, package: str, purpose: str, extra: str) -> ModuleT
         return import_module(module)
     except ImportError as error:
         raise InputError(
-            f"{purpose} needs the package {package}, which does not load here ({error}). {how_to_install(extra)}, or "
-            f"pip install {package} alone."
+            f"{purpose} needs the package {package}, which does not load ({error}). {how_to_install(extra)}"
         ) from error
 
 

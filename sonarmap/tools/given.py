@@ -252,8 +252,7 @@ def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
         LOGGER.warning(f"{name}: {note}")
     if (far := float(np.median(np.abs(usable.points).max(axis=1)))) > _MAX_MEDIAN:
         raise InputError(
-            f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(usable.points)}; if they are right, "
-            "give them as a `Scan`"
+            f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(usable.points)}, or give a `Scan`"
         )
     return usable
 

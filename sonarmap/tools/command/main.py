@@ -87,9 +87,7 @@ def read_settings(path: Path, verbs: Mapping[str, Any]) -> dict[str, dict[str, A
             raise InputError(f"{path}: [{section}] is not a verb{_nearest(section, verbs)}")
         names = {_key(each): each.name for each in verbs[section].params if each.param_type_name == "option"}
         if unknown := [key for key in lines if key.replace("_", "-") not in names]:
-            raise InputError(
-                f"{path}: [{section}] {unknown[0]} is not an option of {section}{_nearest(unknown[0], names)}"
-            )
+            raise InputError(f"{path}: {unknown[0]} is not an option of {section}{_nearest(unknown[0], names)}")
         values[section] = {names[key.replace("_", "-")]: value for key, value in lines.items()}
     return values
 

@@ -190,13 +190,9 @@ def require_effect(options: MethodOptions, priors: bool) -> None:
     always = {"voxel"} if "voxel" in given else {"voxel", "grid"}  # without a voxel the grid determines its size
     if idle := sorted(given - find_method(options.method).options - always):
         flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)
-        verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
-        condition = " and --voxel" if idle == ["grid"] else ""
-        users = [name for name, entry in METHODS.items() if set(idle) <= entry.options | always]
-        instead = f", or use --method {' or '.join(users)}" if users else ""
-        raise InputError(
-            f"{flags} {verb} no effect with --method {options.method}{condition}; leave {pronoun} out{instead}"
-        )
+        users = " or ".join(name for name, entry in METHODS.items() if set(idle) <= entry.options | always)
+        instead = f", or use --method {users}" if users else ""
+        raise InputError(f"no effect with --method {options.method}: {flags}; leave out{instead}")
 
 
 def require_method(options: MethodOptions) -> None:
@@ -268,9 +264,6 @@ def _config_changes(options: MethodOptions) -> dict[str, Any]:
 def _require_strength(scans: "Sequence[Scan]") -> None:
     bare = [scan.name for scan in scans if scan.strength is None]
     if len(bare) == len(scans):
-        raise InputError(
-            "--set use_strength=true: no scan has echo strengths. Leave it out, or give files with a column intensity "
-            "or strength."
-        )
+        raise InputError("--set use_strength=true: no scan has echo strengths, as in a column intensity; leave it out")
     if bare:
         say(f"{len(bare)} of {len(scans)} scans have no echo strength; only their shape is used: {bare[0]} ...")

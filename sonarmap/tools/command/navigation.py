@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -41,10 +41,7 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
         attitude = heading = depth = position = math.nan
     sigmas = (attitude, attitude, heading, position, position, depth)
     if not all(LEAST_SIGMA <= sigma <= LARGEST for sigma in sigmas):
-        raise InputError(
-            f"--prior-sigmas is {text!r}; give four numbers above 0, separated by commas: for roll and pitch [deg], "
-            "heading [deg], depth [m], x and y [m], as in --prior-sigmas 0.5,3,0.1,3"
-        )
+        raise InputError(f"--prior-sigmas is {text!r}; wanted four numbers above 0, as in --prior-sigmas 0.5,3,0.1,3")
     return dict(zip(COLUMNS, sigmas, strict=True))
 
 
@@ -185,9 +182,6 @@ class NavigationReading:
             talkers=() if self.nmea_talker is None else parse_talkers(self.nmea_talker),
             are_shared=sum(file is not None for file in files) > 1,
         )
-
-
-NAVIGATION_READING = tuple(each.name for each in fields(NavigationReading))
 
 
 def _offset(text: str) -> float | None:

@@ -126,9 +126,7 @@ class EarthPlace:
         if known is not None:
             return Projection.of(known, self.crs)
         if self.crs is not None:
-            raise InputError(
-                "--crs has no effect on a map whose place is not known; give --origin too, or leave it out"
-            )
+            raise InputError("--crs has no effect on a map whose place is not known; give --origin too")
         return None
 
 

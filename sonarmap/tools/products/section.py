@@ -346,8 +346,7 @@ def volume_between(first: PlacedMap, second: PlacedMap, cell: float, kind: str =
     common = len(both[0])
     if not common:
         raise InputError(
-            f"{first.path} and {second.path} have no cell of {cell:g} m in common; wanted maps of one place in one "
-            "frame: check them, or give larger cells with --cell"
+            f"{first.path} and {second.path} have no cell of {cell:g} m in common; check them, or give a larger --cell"
         )
     change = surfaces[1].cells.height[both[1]] - surfaces[0].cells.height[both[0]]
     areas = (common, *(len(surface.key) - common for surface in surfaces))

@@ -59,9 +59,9 @@ def test_the_voxel_size_follows_from_grid_as_for_the_spectral_method(pair: list[
         ("--method hemisphere --set hypotheses=12", ["there is no 'hypotheses'; choose from max_tilt"]),
         (
             "--method icp --max-tilt 35 --device cpu",
-            ["--device and --max-tilt have no effect", "leave them out", "spectral or hemisphere"],
+            ["no effect with --method icp: --device and --max-tilt; leave out", "spectral or hemisphere"],
         ),
-        ("--method icp --grid 64 --voxel 0.4", ["--grid has no effect with --method icp and --voxel"]),
+        ("--method icp --grid 64 --voxel 0.4", ["no effect with --method icp: --grid; leave out"]),
         ("--method ipc", ["no method is called 'ipc'", *METHODS]),
     ],
 )

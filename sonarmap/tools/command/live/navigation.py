@@ -198,8 +198,7 @@ def _opened(source: str) -> Generator[Callable[[], bytes]]:
         line = serial.Serial(name, int(baud or _BAUD), timeout=_WAIT)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{_LISTENS}: {source} cannot be opened ({error}); give a UDP port, such as 10110 or 0.0.0.0:10110, or a "
-            "serial device"
+            f"{_LISTENS}: {source} cannot be opened ({error}); give a UDP port, such as 10110, or a serial device"
         ) from error
     with line:
         yield lambda: line.read(max(1, line.in_waiting))

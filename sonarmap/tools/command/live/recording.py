@@ -90,8 +90,7 @@ class RecordingProcess:
                 )
         except OSError as error:
             raise InputError(
-                f"cannot record to {self._folder}: {error.strerror or error}. Choose another output folder, or make "
-                "room and check its permissions"
+                f"cannot record to {self._folder}: {error.strerror or error}; choose another folder, or make room"
             ) from error
         self._id, self._due = self._process.pid, None
         self._again.begins()

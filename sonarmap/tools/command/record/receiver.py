@@ -173,10 +173,7 @@ def source_of(multicast: str | None, unicast: str | None, interface: str | None)
         return Source(*_endpoint(GROUP if multicast is None else multicast, "--multicast", GROUP), interface)
     if multicast is not None or interface is not None:
         other = "--multicast" if multicast is not None else "--interface"
-        raise InputError(
-            f"{other} has no effect with --unicast, which gives the address of this computer to listen at; leave one "
-            "of them out"
-        )
+        raise InputError(f"{other} has no effect with --unicast, which says where to listen; leave one out")
     return Source(*_endpoint(unicast, "--unicast", "192.168.194.90:4747"))
 
 
@@ -194,8 +191,7 @@ def _endpoint(text: str, option: str, example: str) -> tuple[IPv4Address, int]:
         raise InputError(f"{option} is {text!r}; wanted a port from 1 to 65535 behind the colon, as in {example}")
     if wants_group and not address.is_multicast:
         raise InputError(
-            f"{option} is {text!r}; wanted a group from 224.0.0.0 to 239.255.255.255, as in {option} {example}. For an "
-            "address of this computer give --unicast."
+            f"{option} is {text!r}; wanted a group of 224.0.0.0 to 239.255.255.255; for another give --unicast"
         )
     if address.is_multicast and not wants_group:
         raise InputError(f"{option} is {text!r}, a multicast group; give --multicast {text}")

@@ -170,10 +170,7 @@ class PartFile:
         except OSError as error:
             with suppress(OSError):
                 self._file.truncate(self.size)
-            raise InputError(
-                f"the recording ended, as {self.path} cannot grow: {error.strerror}. What came until then can be read "
-                "from it. Make room, or record to another disk."
-            ) from error
+            raise InputError(f"the recording ended, as {self.path} cannot grow: {error.strerror}; make room") from error
         self.size += len(packet)
 
     def sync(self) -> None:
@@ -189,10 +186,7 @@ class PartFile:
             self._require_free()
             self.path.replace(self.out)
         except OSError as error:
-            raise InputError(
-                f"cannot write {self.out}: {error.strerror}. The recording is in {self.path}; an earlier file is "
-                "unchanged."
-            ) from error
+            raise InputError(f"cannot write {self.out}: {error.strerror}; the recording is in {self.path}") from error
         except InputError as error:
             raise InputError(f"{error}. The recording is in {self.path}.") from error
 
@@ -260,10 +254,7 @@ def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Eve
         try:
             status.disk = shutil.disk_usage(part.path.parent).free
             if status.disk < _LEAST_DISK:
-                raise InputError(
-                    f"the disk of {part.path.parent} has {status.disk / 1e6:.1f} MB left, enough for some seconds; "
-                    "make room, or record to another disk"
-                )
+                raise InputError(f"the disk of {part.path.parent} is nearly full; make room, or record to another disk")
             recording = _Recording(status, part, follow)
             with Receiver(listening) as receiver:
                 recording.run(receiver, stop, lambda: join(listening, settings.source))

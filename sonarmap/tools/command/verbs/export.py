@@ -118,14 +118,8 @@ def view(
         typer.echo(f"written to {printable(str(source))}: {REPORT}")
     elif not report.is_file():
         if not (source / SUMMARY).is_file():
-            raise InputError(
-                f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the "
-                "folder that its -o named, as in `sonarmap view map/`"
-            )
-        raise InputError(
-            f"{source} has no {REPORT}, as of a map made with --no-report or by an earlier version; "
-            f"`sonarmap view {source} --rebuild` makes it"
-        )
+            raise InputError(f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}")
+        raise InputError(f"{source} has no {REPORT}; `sonarmap view {source} --rebuild` makes it")
     if show:
         if not webbrowser.open(report.resolve().as_uri()):
             raise InputError(f"no browser can be opened here; open {report} in one, on this machine or another")

@@ -263,15 +263,12 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
             raise InputError("--replay needs finished scans; name them")
         return
     if len(inputs) > 1:
-        raise InputError(
-            f"{len(inputs)} sources given; name one growing recording or folder, or give --replay for finished ones"
-        )
+        raise InputError(f"{len(inputs)} sources given; name one that grows, or give --replay for finished ones")
     for name in inputs:
         path = Path(name)
         if not path.exists():
             raise InputError(f"{name} does not exist; name a growing recording or folder, or none for the network")
         if not (path.is_dir() or path.suffix.lower() in GROWING):
             raise InputError(
-                f"{name} is neither a folder nor a recording that may grow ({', '.join(GROWING)}); give --replay 1 to "
-                "take a finished file at the pace of its times"
+                f"{name} is neither a folder nor a recording that may grow ({', '.join(GROWING)}); give --replay 1"
             )

@@ -126,8 +126,7 @@ def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coo
     if world is None:
         name = "--world" if line.world else "--degrees"
         raise InputError(
-            f"{name} needs the place on the Earth of {placed.path}, which is not known; give --origin "
-            f"LAT,LON too, or leave {name} out and give x,y of the map's frame"
+            f"{name} needs the place of {placed.path} on the Earth; give --origin LAT,LON, or x,y for {name}"
         )
     return world if line.world else Coordinates(placed.georeference)
 

@@ -133,10 +133,7 @@ class SimulatedNavigation:
 
         options = (self.fix_every, self.fix_outliers, self.fix_sigma)
         if any(value is not None for value in options) and "position" not in self.kinds:
-            raise InputError(
-                "--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position; give it, "
-                "or leave them out"
-            )
+            raise InputError("--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position")
         return Fixes(self.fix_every or 1, self.fix_outliers or 0.0)
 
     def drift(self) -> tuple[float, float] | None:
@@ -172,8 +169,7 @@ def command(
     fixes, drift, instruments = navigation.fixes(), navigation.drift(), navigation.measured()
     if scans.spacing is not None and settings.trajectory not in SPACED:
         raise InputError(
-            f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; "
-            "leave it out"
+            f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}"
         )
     several = {"count": scans.scans, "spacing": scans.spacing, "dive": scans.dive}
     disturbed = {"sigma2": noise.sigma2, "outliers": noise.outliers, "dropouts": noise.dropouts}
@@ -197,10 +193,7 @@ def _settings(scans: SimulatedScans) -> "SimulationSettings":
         fixed = {name: getattr(scans, name) for name in ("scene", "trajectory", "sensor", "seed")}
         if conflicting := given(fixed):
             flags = ", ".join(f"--{name}" for name in conflicting)
-            raise InputError(
-                f"--like takes scene, trajectory, sensor and seed from {scans.like}; leave out {flags}, or leave out "
-                "--like"
-            )
+            raise InputError(f"--like takes them from {scans.like}; leave out {flags}, or leave out --like")
         return read_settings(scans.like)
     if scans.trajectory == "table1" and scans.sensor is not None:
         raise InputError("--sensor has no effect with --trajectory table1, which has the paper's sensor; leave it out")

@@ -101,7 +101,7 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(
-            f"cannot write {path}: {error.strerror or error}; choose another folder, or see 'sonarmap doctor OUT'"
+            f"cannot write {path}: {error.strerror or error}; choose another output folder; see 'sonarmap doctor OUT'"
         ) from error
 
 
@@ -133,7 +133,9 @@ def _lock(folder: Path, writing: bool) -> int | None:
     except BlockingIOError as error:
         os.close(descriptor)
         others = "writing to it or reading it" if writing else "writing to it"
-        raise InputError(f"{folder} is in use: another run of sonarmap is {others}; wait, or use another") from error
+        raise InputError(
+            f"{folder} is in use: another run of sonarmap is {others}. Wait until it has ended, or use another folder"
+        ) from error
     except OSError:  # a file system without locks
         pass
     return descriptor

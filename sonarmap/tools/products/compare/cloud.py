@@ -47,8 +47,7 @@ class PointCloud:
         """Read the cloud of a file, to be compared with the map `beside`."""
         if (read := _READERS.get(path.suffix.lower())) is None:
             raise InputError(
-                f"{path} is neither the folder of a finished map nor a file of points; wanted the folder that "
-                f"`sonarmap map` wrote, or one of {', '.join(_READERS)}"
+                f"{path} is neither the folder of a finished map nor a file of points, as {', '.join(_READERS)}"
             )
         content, is_las = read_content(path), read is read_las
         with naming(path):
@@ -92,8 +91,7 @@ class PointCloud:
         ours, theirs = cloud.extents(beside)
         if ours > _OTHER_UNIT * theirs:
             raise InputError(
-                f"it extends over {ours:,.0f} m, and the map over {theirs:,.0f} m; wanted meters: convert another "
-                "unit, or cut the map's area out of a larger cloud"
+                f"it extends over {ours:,.0f} m, the map over {theirs:,.0f} m; wanted meters, and the map's area"
             )
         return cloud
 
@@ -134,8 +132,7 @@ def opened_surveys(
     old_is_cloud, new_is_cloud = _is_cloud(old), _is_cloud(new)
     if old_is_cloud and new_is_cloud:
         raise InputError(
-            "both are point clouds; wanted the folder of a finished map for one of them, as only maps have poses: map "
-            "the scans of one with `sonarmap map`, or compare two clouds with CloudCompare or py4dgeo"
+            "both are point clouds; wanted the folder of a finished map for one of them, as only maps have poses"
         )
     beside, other = open_map(new if old_is_cloud else old), cast("Any", old if old_is_cloud else new)
     if not (old_is_cloud or new_is_cloud):
@@ -161,8 +158,7 @@ def _local(points: np.ndarray, crs: "CRS", vertical: str) -> tuple[Georeference,
     units = {axis.unit_name for axis in whole.axis_info}
     if not flat.is_projected or units != {"metre"}:
         raise InputError(
-            f"its coordinates are of {crs.name}, {flat.type_name} in {', '.join(sorted(units))}; wanted a projected "
-            "CRS in meters, such as the UTM zone: reproject it, for example with PDAL's filters.reprojection"
+            f"its coordinates are of {crs.name}; wanted a projected CRS in meters, such as the UTM zone: reproject it"
         )
     projection = Projection(flat, vertical)
     latitude, longitude, _ = projection.unproject(np.median(points, axis=0)[None])[0].tolist()

@@ -126,8 +126,7 @@ def check_size(rows: int, columns: int, cell: float) -> None:
     """Refuse a grid with more than MOST_CELLS cells."""
     if rows * columns > MOST_CELLS:
         raise InputError(
-            f"a grid with cells of {cell:g} m has {rows:,} rows and {columns:,} columns, more than {MOST_CELLS:,} "
-            "cells; give larger cells with --cell M"
+            f"a grid with cells of {cell:g} m has more than {MOST_CELLS:,} of them; give larger ones with --cell M"
         )
 
 

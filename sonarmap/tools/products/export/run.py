@@ -89,8 +89,7 @@ def check_settings(
         low, high, (first, end) = min(stamps, default=0.0), max(stamps, default=0.0), FORMATS[name].stamps  # [s]
         if stamps and not first <= low <= high < end:
             raise InputError(
-                f"{name} needs stamps from {first:.0f} to {end:.0f} s, and those of the scans are {low:g} to {high:g}; "
-                "give scans with times (Unix seconds), or leave this format out"
+                f"{name} needs stamps from {first:.0f} to {end:.0f} s, not {low:g} to {high:g}; leave this format out"
             )
     if georeference is not None:
         Projection.of(georeference, settings.projected)
@@ -111,14 +110,11 @@ def _require_fitting(settings: ExportSettings) -> None:
     fitting = [name for name, form in FORMATS.items() if form.of_points]
     if (settings.of_scans or settings.scans is not None) and not set(fitting) & set(settings.formats):
         raise InputError(
-            f"--points and --scan-numbers have no effect without a format of points ({', '.join(fitting)}); name "
-            "one, or leave them out"
+            f"--points and --scan-numbers have no effect without a format of points ({', '.join(fitting)})"
         )
     other = [name for name in settings.needing_place if FORMATS[name].coordinates == "projected"]
     if settings.crs == MAP_FRAME and other:
-        raise InputError(
-            f"--crs map is for files of points and grids, and {other[0]} is on the Earth; leave one of them out"
-        )
+        raise InputError(f"--crs map is not for {other[0]}, which is on the Earth; leave one of them out")
 
 
 def check_files(settings: ExportSettings, out: Path) -> None:
@@ -203,10 +199,7 @@ def _refuse_second_heading(folder: Map) -> None:
 def _require_ours(path: Path) -> None:
     """Refuse to replace a file that is not an export, such as the map's own."""
     if path.exists() and not path.with_name(side_car(path.name)).exists():
-        raise InputError(
-            f"{path} exists and is not an export of sonarmap (there is no {side_car(path.name)} beside it); choose "
-            "another folder, or move the file away"
-        )
+        raise InputError(f"{path} exists and is no export ({side_car(path.name)} is missing); choose another folder")
 
 
 def _notes(folder: Map, settings: ExportSettings, earths: dict[str, Georeferenced | None]) -> list[str]:

@@ -87,7 +87,7 @@ def test_a_file_above_the_size_limit_leaves_earlier_results(
     monkeypatch.setattr(f"{module}._write_files", small_files()(write_files))
     arguments = ["simulate"] if verb == "simulate" else ["map", *scans, *GRID]
     result = sonarmap(*arguments, "-o", out)
-    refused(result, f"error: cannot write {out}", "File too large", "earlier files there are unchanged")
+    refused(result, f"error: cannot write {out}", "File too large", "choose another output folder")
     assert results_in(out) == before
 
 

@@ -72,7 +72,7 @@ def test_kitti_files_are_compared_line_by_line(tmp_path: Path, pair: list[Path],
     by_line = evaluated(*files)
     assert [pose["stamp"] for pose in by_line["per_pose"]] == [0, 1, 2, 3]
     assert by_line["ate_m"]["rms"] == pytest.approx(evaluated(*pair)["ate_m"]["rms"], rel=1e-9)
-    refused(sonarmap("evaluate", pair[0], files[1]), f"{files[1]} is a KITTI file", "Give two files of one format")
+    refused(sonarmap("evaluate", pair[0], files[1]), f"{files[1]} is a KITTI file", "give one format")
 
 
 def test_numbered_truths_of_several_dives_are_concatenated(tmp_path: Path) -> None:

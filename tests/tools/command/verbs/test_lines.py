@@ -102,7 +102,7 @@ def test_options_without_effect_on_lines_are_refused(survey: Survey, tmp_path: P
     refused(sonarmap("map", file, "-o", tmp_path, "--patch-test"), "two lines", "1 given")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
     refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "defines both")
-    refused(sonarmap("map", file, "-o", tmp_path, "--range-scale", "1.02"), "leave it out")
+    refused(sonarmap("map", file, "-o", tmp_path, "--range-scale", "1.02"), "--range-scale cannot be used")
 
 
 def test_inspect_shows_lines(survey: Survey, tmp_path: Path) -> None:

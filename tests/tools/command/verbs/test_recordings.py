@@ -91,4 +91,4 @@ def test_scans_of_a_recording_are_registered(dives: dict[str, Path]) -> None:
     T = np.array(printed(sonarmap("register", *pair, *GRID[:4], "--json"))["T_target_source"])
     np.testing.assert_allclose(T, (T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]).as_matrix(), atol=0.1)
     result = sonarmap("register", dives["mcap"], f"{dives['mcap']}#1")
-    refused(result, "dive.mcap holds 3 scans (dive#0 to dive#2), and one is needed here: choose one, as in")
+    refused(result, "dive.mcap holds 3 scans (dive#0 to dive#2); choose one, as in")

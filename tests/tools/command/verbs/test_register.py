@@ -144,7 +144,7 @@ def test_the_uncertainty_of_the_worst_direction_is_printed(capsys: pytest.Captur
 
 def test_missing_strengths_are_refused_or_reported(pair: list[str], tmp_path: Path) -> None:
     refused(
-        sonarmap("register", *pair, *GRID, "--set", "use_strength=true"), "no scan has echo strengths", "Leave it out"
+        sonarmap("register", *pair, *GRID, "--set", "use_strength=true"), "no scan has echo strengths", "leave it out"
     )
     write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
     mixed = done(sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--set", "use_strength=true"))

@@ -89,7 +89,7 @@ def test_a_line_in_map_world_or_geodetic_coordinates_gives_the_same_section(plac
         (("--from", "1,2", "--to", "1,2"), "both 1.00, 2.00"),
         (("--from", "500,2", "--to", "501,2"), "the map lies between"),
         ((*LINE, "--width", "0"), "above 0"),
-        ((*LINE, "--world"), "--world needs the place on the Earth of"),
+        ((*LINE, "--world"), "--world needs the place of"),
         ((*LINE, "-o", "cut.jpg"), "ends in .png"),
     ],
 )

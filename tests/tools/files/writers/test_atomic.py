@@ -99,7 +99,7 @@ def test_readers_share_a_folder_and_a_writer_locks_it(tmp_path: Path, held: int,
     assert (words == "") == free
     if words:
         assert words.startswith(f"{tmp_path} is in use: another run of sonarmap is writing to it")
-        assert "; wait, or use another" in words
+        assert "Wait until it has ended" in words
     assert refusal() == ""
     assert not list(tmp_path.iterdir())
 

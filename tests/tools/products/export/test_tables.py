@@ -213,7 +213,7 @@ def test_each_survey_has_its_track(tmp_path: Path) -> None:
     layers = features_in(tmp_path, with_part(earth, earth.part, summary=surveys))
     assert [track["properties"]["scan_count"] for track in layers["track"]] == [3, 2]  # a single scan is no line
     for wrong in ([{}] * 6, [{"survey": 0}], [{"survey": "x"}] * 6):
-        with pytest.raises(InputError, match="which survey each scan"):
+        with pytest.raises(InputError, match="lacks the surveys of the scans"):
             features_in(tmp_path, with_part(earth, earth.part, summary={"scans": wrong}))
 
 
