@@ -90,7 +90,7 @@ def test_unusable_files_are_refused(folder: Map, tmp_path: Path) -> None:
     assert PointCloud.read(path, folder).georeference is None
     for epsg, words in (
         (4326, "wanted a projected CRS"),
-        (2263, "in US survey foot; wanted a projected CRS in meters"),
+        (2263, r"\(ftUS\); wanted a projected CRS in meters"),
     ):
         put(path, las(table, compressed=False, crs=CRS.from_epsg(epsg)))
         with pytest.raises(InputError, match=words):
