@@ -26,12 +26,9 @@ from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.spectral.result import Registration
 
-# Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
-_CHAIN_WORTH = 2.0
 # What the optimizer grants each edge while it decides, as a share of the floor that a cycle is granted: errors that no
-# covariance knows, such as those of scans that are bent themselves. The more edges there are beyond a chain, the better
-# they show by themselves what is usual: so many halve its square.
-_GRAPH_FLOOR, _HALVING_EDGES = 0.2, 10
+# covariance knows, such as those of scans that are bent themselves.
+_GRAPH_FLOOR = 0.2
 # So often a graph with priors is optimized again from its optimum: then it moves by less than a micrometer.
 _SETTLING = 3
 
@@ -109,9 +106,7 @@ def _decide(
     holding = tuple(point for point in measurements.control if point.holds)
     control, wrong_control = without_wrong_control(replace(fixes, priors=measured, control=holding))
     graph = PoseGraph(chained, edges, priors=measured, control=control)
-    beyond_chain = max(0, len(edges) - len(odometry) - (count - len(parts)))  # fewer where dead reckoning joins scans
-    granted = _GRAPH_FLOOR * (1 + beyond_chain / _HALVING_EDGES) ** -0.5 * floor
-    robust = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
+    robust = robust_optimize(_widened(graph, _GRAPH_FLOOR * floor), trust_chain=False)
     kept_graph = weighed(graph.keep(robust.accepted).at(robust.solution.trajectory.T_world_sensor))
     # now that loops tell where the poses are, smaller mistakes show, and errors that all fixes share
     judged = judge_fixes(kept_graph, priors)

@@ -45,7 +45,7 @@ class RobustSolution:
     reasons: tuple[str, ...]  # (E,) in reasons, why each was accepted or rejected
 
 
-def robust_optimize(graph: PoseGraph, chain_worth: float | None = None) -> RobustSolution:
+def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolution:
     """Reject the measurements that the others contradict, and optimize what is left.
 
     The initial estimate is the chain of the edges, consecutive ones before loops; the graph's own is only that of the
@@ -53,15 +53,15 @@ def robust_optimize(graph: PoseGraph, chain_worth: float | None = None) -> Robus
 
     Args:
         graph: of any number of components.
-        chain_worth: loops that an edge between consecutive scans outweighs where they contradict it; None trusts the
-            chain, as loops between places that look alike may agree with each other in any number.
+        trust_chain: whether edges between consecutive scans are right in any case, as loops between places that look
+            alike may agree with each other in any number.
     """
     edges, bound = graph.edges, chi_squared(PROBABILITY, 6)
     fixed = _fixed_inliers(graph)
     graph = graph.placed_at(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, fixed)
     tried = active.astype(int)
-    accepted, solution = _inliers(graph, active, fixed, bound, chain_worth)
+    accepted, solution = _inliers(graph, active, fixed, bound, trust_chain)
     for _ in range(_ROUNDS - 1):
         graph = graph.at(solution.trajectory.T_world_sensor)
         others = np.flatnonzero(~accepted & (tried < 2))
@@ -71,7 +71,7 @@ def robust_optimize(graph: PoseGraph, chain_worth: float | None = None) -> Robus
         active = accepted.copy()
         active[others] = True
         tried += active
-        accepted, solution = _inliers(graph, active, fixed, bound, chain_worth)
+        accepted, solution = _inliers(graph, active, fixed, bound, trust_chain)
     graph = graph.at(solution.trajectory.T_world_sensor)
     return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, fixed, bound))
 
@@ -111,31 +111,29 @@ def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
 
 
 def _inliers(
-    graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float, chain_worth: float | None
+    graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float, trust_chain: bool
 ) -> tuple[np.ndarray, Solution]:
     """Which of the active edges are inliers, (E,) bool, and the optimum of those.
 
     Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
     chain apart and it may end in a poor optimum. With the chain trusted it does not, but then a wrong edge of the chain
-    cannot be found. Both are tried, and the one with the lower truncated cost is taken; an edge of the chain counts for
-    more. What instruments measured is right in either, and counts as far as the poses
-    contradict it.
+    cannot be found. Both are tried, and the one with the lower truncated cost is taken. What instruments measured is
+    right in either, and counts as far as the poses contradict it.
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
-    if chain_worth is None:
+    if trust_chain:
         return _graduated(graph, active, fixed | sequential, bound)
-    most = bound * np.where(sequential, chain_worth, 1.0)
     measured = sum(known.rank for known in graph.gauge.all_known)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (fixed | sequential, fixed):
         accepted, solution = _graduated(graph, active, trusted, bound)
         squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
         contradicted = solution.chi_squared_after - float(squared[accepted].sum())
-        cost = float(np.where(accepted, squared, most)[active].sum()) + contradicted
+        cost = float(np.where(accepted, squared, bound)[active].sum()) + contradicted
         if best is None or cost < best[0]:
             best = cost, accepted, solution
         agrees = not measured or contradicted <= chi_squared(PROBABILITY, measured)
-        if agrees and (active & ~accepted).sum() <= chain_worth:  # then no edge of the chain can be worth less
+        if agrees and (active & ~accepted).sum() <= 1:  # then no edge of the chain can be worth less
             break
     assert best is not None
     return best[1:]

@@ -164,31 +164,6 @@ def test_a_loop_that_leaves_a_direction_open_is_taken_for_the_others():
 
 
 @pytest.mark.slow
-def test_among_twins_two_parts_want_more_that_agree() -> None:
-    """Two pairs join parts; where eight of ten loops of one part are of twins, it takes four."""
-    truth = ring_poses(24)
-    gap = chain_of(truth, k15=unsure(0.0))
-    rng = np.random.default_rng(6)
-    twins: list[RegisteredPair] = []
-    for k in range(8):
-        off = RigidTransform.from_exp_coords(np.concatenate([0.5 * rng.standard_normal(3), 4 * rng.standard_normal(3)]))
-        twins.append(pair(truth, k % 6, 9 + k // 2, "loop", off))
-    right = [pair(truth, 0, 7, "loop"), pair(truth, 1, 8, "loop")]
-    ties = [pair(truth, 2 + k, 20 - k, "loop") for k in range(4)]
-    bridge = pair(truth, 14, 17, "bridge")
-
-    def parts(*more: RegisteredPair) -> int:
-        return len(decided(truth, [*gap, *more]).solution.graph.components)
-
-    assert parts(*right, *ties[:2]) == 1
-    assert parts(*right, bridge) == 1
-    assert parts(*right, *twins, *ties[:2]) == 2
-    assert parts(*right, *twins, bridge) == 2
-    assert parts(*right, *twins, *ties) == 1
-    assert worst(decided(truth, [*gap, *right, *twins, *ties]), truth) < 0.3
-
-
-@pytest.mark.slow
 def test_chi_squared_before_is_of_the_chained_poses():
     truth = ring_poses(24)
     result = decided(truth, [*chain_of(truth), pair(truth, 0, 23, "loop"), pair(truth, 2, 20, "loop")])

@@ -65,7 +65,7 @@ def test_a_wrong_edge_of_the_chain_is_outvoted() -> None:
     edges = list(graph.edges)
     right = edges[25].registration
     edges[25] = edge(25, 26, right.T_target_source * slip, right.covariance)
-    result = robust_optimize(PoseGraph(graph.trajectory, tuple(edges)), chain_worth=3.0)
+    result = robust_optimize(PoseGraph(graph.trajectory, tuple(edges)), trust_chain=False)
     assert np.flatnonzero(~result.accepted).tolist() == [25]
     assert distance(result.solution.trajectory.T_world_sensor, T) < 0.5
     trusted = robust_optimize(PoseGraph(graph.trajectory, tuple(edges)))
