@@ -240,13 +240,11 @@ def placed(pairs: list[RegisteredPair], opens: list[int], place: float = 0.95) -
     return [pairs[0], *result[1:]]
 
 
-def test_a_step_that_is_doubtful_among_sure_ones_is_believed_less() -> None:
+def test_a_step_needs_seven_tenths_to_be_accepted() -> None:
     """Two dives may meet there."""
-    own, motion = steps(20), learned(steps(20))
-    (lone,) = believing_steps([*own, possible(0.65, np.zeros(6))], motion)[20:]
-    (likelier,) = believing_steps([*own, possible(0.75, np.zeros(6))], motion)[20:]
-    assert not lone.accepted
-    assert likelier.accepted
+    unlikely, likely = believing_steps([possible(p, np.zeros(6)) for p in (0.65, 0.75)], learned(steps(20)))
+    assert not unlikely.accepted
+    assert likely.accepted
 
 
 def test_rare_turns_count() -> None:
