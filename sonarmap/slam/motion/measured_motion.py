@@ -45,6 +45,10 @@ class MeasuredMotion:
             return self.odometry.contradicts(i, j, T_i_j, self.floor)
         return self.learned is not None and self.learned.contradicts(i, j, T_i_j)
 
+    def unlikelihood(self, i: int, j: int, T_i_j: RigidTransform) -> float:
+        """As learned; 0 where dead reckoning is in the graph itself."""
+        return 0.0 if self.learned is None or self.is_measured(i, j) else self.learned.unlikelihood(i, j, T_i_j)
+
     def is_beyond(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
         """Whether a registration contradicts what was measured, or is out of reach."""
         if self.is_measured(i, j):

@@ -177,12 +177,17 @@ class Motion:
 
     def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
         """Whether a step is farther from the usual motion than one of 100, or beyond the limits."""
-        if self.is_beyond(i, j, T_i_j):
-            return True
+        return self.is_beyond(i, j, T_i_j) or self._distance(i, j, T_i_j) > _BEYOND
+
+    def unlikelihood(self, i: int, j: int, T_i_j: RigidTransform) -> float:
+        """The negative logarithm of the density of a step under Student's t, up to a constant."""
+        return (_TAILS + 6) / 2 * float(np.log1p(self._distance(i, j, T_i_j) / _TAILS))
+
+    def _distance(self, i: int, j: int, T_i_j: RigidTransform) -> float:
+        """Squared Mahalanobis distance of a step from the usual motion, over the scatter of Student's t."""
         span = float(self.times[j] - self.times[i])
-        x = rate_of(T_i_j)
         scatter = self.covariance * span**2 * (_TAILS - 2) / _TAILS + np.diag(self.floor**2)
-        return bool(_squared(x[None] - self.usual * span, scatter)[0] > _BEYOND)
+        return float(_squared(rate_of(T_i_j)[None] - self.usual * span, scatter)[0])
 
     def is_measured(self, i: int, j: int) -> bool:
         """Never: it is learned."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import exp
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -28,11 +29,18 @@ _STEP_ODDS = 2.5
 
 
 def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
-    """Whether a pair is worth another look: it was not accepted, or the motion contradicts what was."""
+    """Whether a pair is worth another look: it was not accepted, the motion contradicts what was, or with the motion
+    another of its answers is more probable."""
     registration = pair.registration
     if registration is None:
         return False
-    return not registration.accepted or motion.contradicts(pair.i, pair.j, registration.T_target_source)
+    if not registration.accepted or motion.contradicts(*pair.scans, registration.T_target_source):
+        return True
+    first, *others = (
+        each.probability * exp(-motion.unlikelihood(*pair.scans, each.T_target_source))
+        for each in (registration, *registration.alternatives)
+    )
+    return max(others, default=0.0) > first
 
 
 def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion | None = None) -> RegisteredPair:

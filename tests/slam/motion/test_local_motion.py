@@ -42,6 +42,17 @@ def test_what_is_refused_or_contradicted_is_doubtful() -> None:
     assert not is_doubtful(pair(None), MOTION)
 
 
+@pytest.mark.parametrize(("probability", "doubtful"), [(0.06, True), (1e-9, False)])
+def test_what_is_accepted_is_doubtful_where_another_answer_is_more_probable_with_the_motion(
+    probability: float, doubtful: bool
+) -> None:
+    """Among tiles or pipes of equal shape the scans may prefer one that the vehicle hardly reaches."""
+    far = answer(moved(USUAL + np.array([0, 0, 0, 0.6, 0, 0])), 0.86, accepted=True)
+    assert not is_doubtful(pair(far), MOTION)
+    both = replace(far, alternatives=(answer(moved(USUAL), probability),))
+    assert is_doubtful(pair(both), MOTION) == doubtful
+
+
 def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     first = pair(replace(answer(JUMP, 0.9, accepted=True), alternatives=(answer(moved(USUAL), 0.1),)))
     rival = answer(moved(0.5 * USUAL), 0.15)
