@@ -1,9 +1,9 @@
-"""Which answers agree with one another: pairwise consistency over cycles, and the groups in which all agree.
+"""Pairwise consistency of hypotheses over cycles, and groups of hypotheses without contradictions.
 
 Mangelson, Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization for robust multi-robot
-map merging" (ICRA 2018, DOI 10.1109/ICRA.2018.8460217). Two answers between the same two runs of scans close a cycle
-through both runs; a right one and a wrong one do not meet again within what the cycle's uncertainty allows, and wrong
-ones seldom meet each other. An answer within one run closes a cycle with the run itself.
+map merging" (ICRA 2018, DOI 10.1109/ICRA.2018.8460217). Two hypotheses between the same two components close
+a cycle through the chains of both. With a wrong hypothesis the cycle rarely closes within its uncertainty, and wrong
+ones rarely agree with each other. A hypothesis within a component closes a cycle with the component's chain.
 """
 
 from collections.abc import Sequence
@@ -20,39 +20,36 @@ from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.tangent import lengths, propagated
 
-_NEAR = 5  # poses along the chain within which two loops are compared at either end
-_BLOCK = 20_000  # cycles that are looked at together
-# Each answer is compared with so many others, those nearest at both ends: a long way between two leaves so much open
-# that they agree whatever they say.
+_MAX_SCANS_APART = 5  # between the ends of two loops that are compared, at each end
+_BLOCK = 20_000  # cycles computed at a time
+# Hypotheses that each is compared with, the nearest at both ends: over a long chain even wrong ones agree.
 _COMPARED = 100
-# A direction is open where it is less certain than so many granted standard deviations. What scans show so far off
-# along it is not what they show where they are: hulls and quays bend, and a few centimeters across, said of another
-# place by many such answers, shorten the way.
-_FAR = 20.0
-# A group leads where the probability that all of it is wrong is below the next one's by this power of e.
-_CLEARLY = 2.0
+# A direction with a larger sigma is unconstrained [added sigmas]. A hypothesis that is farther than this from the chain
+# was measured at another place: hulls and quays bend, and many such hypotheses would shorten the track.
+_UNCONSTRAINED = 20.0
+_MIN_LEAD = 2.0  # least weight by which a leading group exceeds the next one [natural logarithm of probability]
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Answers compared with the chain that they lie in, and with each other."""
+    """Possible edges compared with the chain of their component, and with each other."""
 
-    parts: tuple[np.ndarray, ...]  # n indices of answers of each pair of parts
-    sigmas: np.ndarray  # (n,) distance of each from its part's own chain; NaN where it joins two parts
-    # agree, contradict: (n, n) sparse, symmetric, 1 where two of different pairs were compared and agree, or do not
+    parts: tuple[np.ndarray, ...]  # indices of the possible edges between each pair of components
+    sigmas: np.ndarray  # (n,) distance of each from its component's chain; NaN if it joins two components
+    # agree, contradict: (n, n) sparse, symmetric, 1 where two agree or contradict each other; those of one pair do
     agree: sparse.csr_array
     contradict: sparse.csr_array
     bound: float  # largest distance of two that agree [sigmas]
-    elsewhere: np.ndarray  # (n,) bool, whether one that leaves a direction open is of a place far from its part's chain
+    elsewhere: np.ndarray  # (n,) bool, whether a direction is unconstrained and the component's chain far away
 
     def support(self, possible_edges: Sequence[PossibleEdge]) -> list[PossibleEdge]:
-        """The same answers as were compared, in their order, with their support; by what they weigh now."""
+        """The compared possible edges, in their order, with their support by their current weights."""
         weight = np.array([possible.weight for possible in possible_edges])
         support: dict[int, Support] = {}
         for members in self.parts:
             groups = self._groups(members, weight)
             heaviest = [float(weight[group].sum()) for group in groups]
-            clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _CLEARLY
+            clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _MIN_LEAD
             for rank, group in enumerate(groups):
                 counted = [possible_edges[k] for k in group if possible_edges[k].counts]
                 pairs = len({possible.scans for possible in counted})
@@ -64,19 +61,20 @@ class Comparison:
         return [replace(possible, support=support[k]) for k, possible in enumerate(possible_edges)]
 
     def _groups(self, members: np.ndarray, weight: np.ndarray) -> list[list[int]]:
-        """Groups of which no members contradict each other, the heaviest first; built greedily, from those with the
-        most support. Those that agree with the chain they are in make the first, the others agree step by step."""
+        """Groups without contradictions, the heaviest first, built greedily from the members with the most support.
+
+        Members that agree with the chain form one group; in the others, agreement connects the members."""
         of_chain = self.sigmas[members] <= self.bound
         groups = self._grown(members[of_chain], weight)[:1]
-        left = np.setdiff1d(members, [k for group in groups for k in group])
+        remaining = np.setdiff1d(members, [k for group in groups for k in group])
         # pyrefly: ignore[bad-index]
-        _, place = connected_components(self.agree[left][:, left], directed=False)
-        for connected in np.split(left[np.argsort(place, kind="stable")], np.cumsum(np.bincount(place))[:-1]):
+        _, place = connected_components(self.agree[remaining][:, remaining], directed=False)
+        for connected in np.split(remaining[np.argsort(place, kind="stable")], np.cumsum(np.bincount(place))[:-1]):
             groups += self._grown(connected, weight, apart=True)
         return sorted(groups, key=lambda group: (-weight[group].sum(), group[0]))
 
     def _grown(self, among: np.ndarray, weight: np.ndarray, apart: bool = False) -> list[list[int]]:
-        """All groups of these, one after the other; `apart`: members that no agreement joins are of several."""
+        """Groups of these, one after the other; `apart` splits groups whose members no agreement connects."""
         groups: list[list[int]] = []
         while len(among):
             group = self._grow(among, weight)
@@ -90,7 +88,7 @@ class Comparison:
         return groups
 
     def _grow(self, among: np.ndarray, weight: np.ndarray) -> list[int]:
-        """One group of these: from the one with the most support on, every next that contradicts none so far."""
+        """One group of these: in the order of their support, each that contradicts none in the group."""
         if len(among) == 1:
             return among.tolist()
         # pyrefly: ignore[bad-index]
@@ -103,12 +101,12 @@ class Comparison:
 
 
 def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray, bound: float) -> Comparison:
-    """Answers compared over the cycles that they close.
+    """Compare possible edges over the cycles that they close.
 
     Args:
         chains: of the survey's scans.
-        possible_edges: answers of any pairs; those of one pair exclude each other.
-        floor: (6,) standard deviations [rad, m] that are granted to every answer beside its own covariance.
+        possible_edges: of any pairs; those of one pair exclude each other.
+        floor: (6,) standard deviations added in quadrature to those of every possible edge [rad, m].
         bound: largest distance of two that agree [sigmas].
     """
     count = len(possible_edges)
@@ -124,30 +122,29 @@ def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.nd
     sigmas[inside] = cycles.from_chain(inside)
     pairs = np.concatenate([_neighbors(cycles.i, cycles.j, chosen) for chosen in members])
     within = cycles.agree(pairs[:, 0], pairs[:, 1], bound)
-    of_one = (cycles.i[pairs[:, 0]] == cycles.i[pairs[:, 1]]) & (cycles.j[pairs[:, 0]] == cycles.j[pairs[:, 1]])
-    agree, contradict = (_symmetric(pairs[chosen], count) for chosen in (within & ~of_one, ~within | of_one))
-    elsewhere, far = np.zeros(count, bool), _FAR * float(floor[3:].max())
+    same_pair = (cycles.i[pairs[:, 0]] == cycles.i[pairs[:, 1]]) & (cycles.j[pairs[:, 0]] == cycles.j[pairs[:, 1]])
+    agree, contradict = (_symmetric(pairs[chosen], count) for chosen in (within & ~same_pair, ~within | same_pair))
+    elsewhere, far = np.zeros(count, bool), _UNCONSTRAINED * float(floor[3:].max())
     if far > 0:
         elsewhere[inside] = _elsewhere([possible_edges[k] for k in inside.tolist()], chains, far)
     return Comparison(members, sigmas, agree, contradict, bound, elsewhere)
 
 
-def _elsewhere(answers: Sequence[PossibleEdge], chains: Chains, far: float) -> np.ndarray:
-    """(m,) bool of answers within a part: whether they leave a direction open, and lie `far` [m] from its chain."""
-    if not answers:
+def _elsewhere(edges: Sequence[PossibleEdge], chains: Chains, far: float) -> np.ndarray:
+    """(m,) bool: whether hypotheses within a component leave a direction unconstrained, `far` [m] from its chain."""
+    if not edges:
         return np.zeros(0, bool)
-    i, j = np.array([answer.scans for answer in answers]).T
-    measured = RigidTransform.concatenate([answer.registration.T_target_source for answer in answers])
+    i, j = np.array([edge.scans for edge in edges]).T
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
     away = (measured.inv() * chains.T[i].inv() * chains.T[j]).translation
-    shift = np.stack([answer.registration.covariance[3:, 3:] for answer in answers])
+    shift = np.stack([edge.registration.covariance[3:, 3:] for edge in edges])
     return (np.linalg.eigvalsh(shift)[:, -1] > far**2) & (np.linalg.norm(away, axis=1) > far)
 
 
 def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.ndarray:
-    """The number of each loop's group: (m,) int; a loop that agrees with no other is alone.
+    """(m,) int, the group of each loop; a loop that agrees with no other is alone.
 
-    Loops between neighbors of the same two places agree where the chain between them, which is short and therefore
-    sure, shows it.
+    Only loops with neighboring ends are compared, as the chain between these is short and certain.
 
     Args:
         chains: of the poses, along a spanning tree of a graph.
@@ -157,21 +154,21 @@ def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.n
     if not loops:
         return np.zeros(0, np.intp)
     cycles = _Cycles.of(chains, loops)
-    near = KDTree(np.column_stack([cycles.i, cycles.j])).query_pairs(_NEAR, p=np.inf, output_type="ndarray")
+    near = KDTree(np.column_stack([cycles.i, cycles.j])).query_pairs(_MAX_SCANS_APART, p=np.inf, output_type="ndarray")
     near = near[np.equal(*chains.part[cycles.i[near]].T)]
     links = _symmetric(near[cycles.agree(near[:, 0], near[:, 1], bound)], len(loops))
     return connected_components(links, directed=False)[1]
 
 
 def distances_from_chain(chains: Chains, loops: Sequence[Edge]) -> np.ndarray:
-    """(m,) how far each loop is from what the chain alone says [sigmas]; both as of `agreeing_groups`."""
+    """(m,) distance of each loop from the chain [sigmas]; arguments as of `agreeing_groups`."""
     if not loops:
         return np.zeros(0)
     return _Cycles.of(chains, loops).from_chain(np.arange(len(loops)))
 
 
 def _neighbors(i: np.ndarray, j: np.ndarray, members: np.ndarray) -> np.ndarray:
-    """(m, 2) of these answers, each once with those nearest to it at both ends, counted in scans."""
+    """(m, 2) pairs of these members, each once: every member with the nearest in scans at both ends."""
     if len(members) <= _COMPARED + 1:
         return members[np.column_stack(np.triu_indices(len(members), 1))]
     ends = np.column_stack([i[members], j[members]]).astype(np.float64)
@@ -182,7 +179,7 @@ def _neighbors(i: np.ndarray, j: np.ndarray, members: np.ndarray) -> np.ndarray:
 
 
 def _symmetric(pairs: np.ndarray, count: int) -> sparse.csr_array:
-    """(count, count) with 1 at these (m, 2) places, each way."""
+    """(count, count) with 1 at (m, 2) pairs of indices, and transposed."""
     both = np.concatenate([pairs, pairs[:, ::-1]])
     ends = both[:, 0], both[:, 1]
     return sparse.csr_array((np.ones(len(both)), ends), shape=(count, count))
@@ -190,9 +187,9 @@ def _symmetric(pairs: np.ndarray, count: int) -> sparse.csr_array:
 
 @dataclass(frozen=True, slots=True)
 class _Cycles:
-    """n answers in the frames of their parts."""
+    """n hypotheses in the frames of their components."""
 
-    # i, j: (n,) int, the scans, i in the part of the lower number, or the lower of one part
+    # i, j: (n,) int, the scans; i is in the component with the lower number, or the lower scan of one component
     i: np.ndarray
     j: np.ndarray
     X: RigidTransform  # n transforms T_parti_partj between their frames
@@ -201,15 +198,15 @@ class _Cycles:
 
     @classmethod
     def of(
-        cls, chains: Chains, answers: Sequence[PossibleEdge] | Sequence[Edge], granted: np.ndarray | float = 0.0
+        cls, chains: Chains, edges: Sequence[PossibleEdge] | Sequence[Edge], added: np.ndarray | float = 0.0
     ) -> "_Cycles":
-        """With (6,) variances that are granted beside the registrations'."""
-        i, j = np.array([(answer.i, answer.j) for answer in answers]).T
-        measured = RigidTransform.concatenate([answer.registration.T_target_source for answer in answers])
-        covariance = np.stack([answer.registration.covariance for answer in answers]) + np.diag(np.zeros(6) + granted)
+        """With (6,) variances added to those of the registrations."""
+        i, j = np.array([(edge.i, edge.j) for edge in edges]).T
+        measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
+        covariance = np.stack([edge.registration.covariance for edge in edges]) + np.diag(np.zeros(6) + added)
         placed = chains.T[i] * measured
         X, noise = placed * chains.T[j].inv(), propagated(placed, covariance)
-        # scans are counted in their order, and parts that interleave may be measured from either
+        # scans of interleaved components can be measured in either direction
         part = chains.part[i], chains.part[j]
         back = (part[0] > part[1]) | ((part[0] == part[1]) & (i > j))
         X = RigidTransform.concatenate([T.inv() if turned else T for T, turned in zip(X, back, strict=True)])
@@ -217,12 +214,12 @@ class _Cycles:
         return cls(np.where(back, j, i), np.where(back, i, j), X, noise, chains)
 
     def from_chain(self, members: np.ndarray) -> np.ndarray:
-        """(m,) how far possible edges within a part are from its own chain [sigmas]."""
+        """(m,) distance of hypotheses within a component from its chain [sigmas]."""
         covariance = self.noise[members] + self.chains.between(self.i[members], self.j[members])
         return lengths(self.X[members].as_exp_coords(), covariance)
 
     def agree(self, a: np.ndarray, b: np.ndarray, bound: float) -> np.ndarray:
-        """(m,) bool: whether possible edges a and b between the same parts are within the bound."""
+        """(m,) bool: whether hypotheses a and b between the same components agree within the bound."""
         result = np.empty(len(a), dtype=bool)
         for start in range(0, len(a), _BLOCK):
             block = slice(start, start + _BLOCK)
@@ -230,7 +227,7 @@ class _Cycles:
         return result
 
     def _distance(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(m,) of the cycles through possible edges a and b [sigmas]."""
+        """(m,) errors of the cycles through hypotheses a and b [sigmas]."""
         X, between = self.X[a], self.chains.between
         covariance = self.noise[a] + self.noise[b]
         covariance += between(self.i[a], self.i[b]) + propagated(X, between(self.j[a], self.j[b]))

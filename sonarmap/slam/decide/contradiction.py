@@ -1,4 +1,4 @@
-"""Which measurements an optimum contradicts: those that it rests on, and others."""
+"""Measurements that contradict an optimum: its own edges, and others."""
 
 from collections.abc import Sequence
 
@@ -10,59 +10,59 @@ from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.tangent import lengths
 from sonarmap.spectral.chi_squared import chi_squared
 
-GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
-_LEAST_SHARE = 1e-3  # of an edge's covariance that the others leave to its residual at least, against rounding
+GATE = 1 - 1e-6  # probability that an estimate does not contradict a right loop
+_MIN_SHARE = 1e-3  # least share of an edge's covariance that remains for its residual, against rounding
 
 
 def contradicted_edges(
     graph: PoseGraph, solution: Solution, asked: np.ndarray, bound: float, gate: float | None = None
 ) -> np.ndarray:
-    """Which edges the others contradict at the optimum, by number.
+    """Indices of the edges that the others contradict at the optimum.
 
-    First those whose residual is beyond it; where there are none, those without which the whole cost would fall by
-    more: a wrong edge draws the poses to itself until its own residual is small. Where all cost more than
-    their covariances say, as beside a chain that is less sure than it says, more is granted.
+    These have a squared residual beyond the bound. If there are none, they are those without which chi-squared would
+    fall by more than the gate: a wrong edge pulls the poses until its own residual is small. The gate is larger if the
+    median fall is, as with a chain whose sigmas are underestimated.
 
     Args:
         graph: of E edges, with the optimized poses.
-        solution: the optimum of some of them, those `asked` about, (E,) bool, among them.
-        asked: which to look at.
+        solution: the optimum of some of them, the `asked` ones included.
+        asked: (E,) bool, which edges to test.
         bound: of a squared residual.
-        gate: of the fall in cost; None for what one right edge in a million exceeds, as thousands are asked about.
+        gate: of the fall in chi-squared; None for the one that one right edge in a million exceeds.
     """
     residuals = graph.residuals()
-    far = np.flatnonzero(asked & (residuals**2 > bound))
+    beyond = np.flatnonzero(asked & (residuals**2 > bound))
     chosen = np.flatnonzero(asked)
-    if len(far) or not len(chosen):
-        return far
+    if len(beyond) or not len(chosen):
+        return beyond
     costs = falls_without([graph.edges[k] for k in chosen], solution)
     gate = chi_squared(GATE, 6) if gate is None else gate
-    understated = max(1.0, float(np.median(costs)) / chi_squared(0.5, 6))
-    return chosen[costs > gate * understated]
+    underestimated = max(1.0, float(np.median(costs)) / chi_squared(0.5, 6))
+    return chosen[costs > gate * underestimated]
 
 
 def falls_without(edges: Sequence[Edge], solution: Solution) -> np.ndarray:
-    """(m,) by how much chi-squared would fall without each edge of an optimum, to first order, one left out at a time.
+    """(m,) fall of chi-squared without each edge of an optimum, to first order, one left out at a time.
 
-    Without the edge it lies so far from the others that its residual r, of covariance R, costs r' (R - P)^-1 r in all
-    (P: of the pair with the edge). Where nothing but the edge holds the pair, P is R: then nothing contradicts it.
+    It is r' (R - P)^-1 r for an edge with residual r and covariance R, where P is the covariance of the pair in the
+    optimum. If only this edge constrains the pair, P is R: then nothing contradicts it.
     """
     T_i_j, covariances = solution.relatives(np.array([(edge.i, edge.j) for edge in edges]))
     measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
     stated = np.stack([edge.registration.covariance for edge in edges])
     xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
-    return lengths(xi, stated - (1 - _LEAST_SHARE) * covariances) ** 2
+    return lengths(xi, stated - (1 - _MIN_SHARE) * covariances) ** 2
 
 
 def plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
-    """(m,) bool: which of other edges an estimate does not contradict, within its own uncertainty.
+    """(m,) bool: which of other edges agree with an estimate within its own uncertainty.
 
-    Covariances that are stated too large would let nearly everything pass: they are scaled by the largest factor of
-    their variances that the inliers' own agreement leaves possible, where that is below 1.
+    With covariances that are too large, nearly every edge would agree. They are scaled by the largest variance factor
+    that the inliers' chi-squared allows, if it is below 1.
     """
     degrees = solution.degrees_of_freedom
-    # chi-squared over the least that so many degrees of freedom give by chance
+    # chi-squared relative to the smallest value that occurs by chance
     too_large = min(1.0, solution.chi_squared_after / chi_squared(1 - GATE, degrees)) if degrees >= 1 else 1.0
-    most = float(np.sqrt(too_large * chi_squared(GATE, 6)))
+    limit = float(np.sqrt(too_large * chi_squared(GATE, 6)))
     ends = np.array([(edge.i, edge.j) for edge in others], np.intp).reshape(-1, 2)
-    return ~(solution.distances(ends, [edge.registration for edge in others], most) > most)  # NaN: no path joins them
+    return ~(solution.distances(ends, [edge.registration for edge in others], limit) > limit)  # NaN: no path joins them

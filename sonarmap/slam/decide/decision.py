@@ -1,4 +1,4 @@
-"""From everything that was registered to one estimate: which answers become edges, and why the others do not."""
+"""The inference: which hypotheses become edges, why the others do not, and the optimized poses."""
 
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
@@ -26,34 +26,32 @@ from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.spectral.result import Registration
 
-# What the optimizer grants each edge while it decides, as a share of the floor that a cycle is granted: errors that no
-# covariance knows, such as those of scans that are bent themselves.
+# Share of the sigmas added to cycles that is added to edges during outlier rejection: scans can be bent, for example.
 _GRAPH_FLOOR = 0.2
-# So often a graph with priors is optimized again from its optimum: then it moves by less than a micrometer.
-_SETTLING = 3
+_RESTARTS = 3  # optimizations of a graph with priors from its own optimum, which then moves by less than 1 micrometer
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What a survey's registrations amount to."""
+    """The result of the inference about a survey's registrations."""
 
-    chained: Trajectory  # N poses from the trusted edges alone, without a loop
+    chained: Trajectory  # N poses from the trusted edges alone, without loops
     solution: Solution  # the optimized graph of the edges that were kept
-    pairs: tuple[Pair, ...]  # every pair with its verdict, in the order in which they were given
-    fixes: JudgedFixes = field(default_factory=lambda: JudgedFixes({}))  # what instruments measured, as it took part
-    wrong_control: tuple[WrongControl, ...] = ()  # control points that all others contradict; they were left out
-    drifts: float = 1.0  # how many times more than stated dead reckoning drifts
-    # scans of pairs that are kept without ties and control points, and refused for these
+    pairs: tuple[Pair, ...]  # every pair with its verdict, in the given order
+    fixes: JudgedFixes = field(default_factory=lambda: JudgedFixes({}))  # accepted measurements of instruments
+    wrong_control: tuple[WrongControl, ...] = ()  # control points that were left out, as all others contradict them
+    drifts: float = 1.0  # ratio of the actual to the stated drift of dead reckoning
+    # scans of pairs that are kept only if there are no ties and control points
     displaced: tuple[tuple[int, int], ...] = ()
-    interpolated: tuple[int, ...] = ()  # scans of a stream that no registration holds
+    interpolated: tuple[int, ...] = ()  # scans of a stream without a usable registration
 
     @property
     def understated(self) -> dict[str, float]:
-        """By kind of measurement, how many times larger than stated its errors are; those alone where they are."""
+        """Ratio of actual to stated errors, of the kinds of measurement where it is clearly above 1."""
         return dict(self.fixes.understated) | ({"odometry": self.drifts} if self.drifts > 1 else {})
 
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
-        """Where the poses have control points, those to check with among them."""
+        """Where the poses place the control points, check points included."""
         graph, wrong = self.solution.graph, {id(each.point): each.sigmas for each in self.wrong_control}
         placed = {k for members in graph.components if graph.gauge.lies_in_world(members) for k in members}
         T = graph.trajectory.T_world_sensor
@@ -68,13 +66,13 @@ class Decision:
 def decide(
     pairs: Sequence[RegisteredPair], measurements: Measurements, voxel: float, settings: LoopSettings
 ) -> Decision:
-    """Decide about every answer of every pair, and optimize.
+    """Choose the hypotheses to use, among those of all pairs, and optimize.
 
-    Accepted registrations of consecutive scans are chained. All other answers, alternatives and refused ones among
-    them, have to agree with the chain or with one another; those that join parts of the chain come first. What is left
-    is optimized robustly, so that an answer that the others contradict, one of the chain too, is left out. What a
-    person accepted or added is an edge in any case, what a person rejected is none. A step that is not sure, and that
-    no pair across confirms, is a gap, where no dead reckoning tells of it. The voxel is the survey's [m].
+    Accepted registrations of consecutive scans form the chain. All other hypotheses, alternatives and refused ones
+    included, have to agree with the chain or with one another; those that join components come first. Outlier rejection
+    can then reject any of these edges, also of the chain. Pairs that a person accepted or added are always edges, pairs
+    that a person rejected never. A doubtful consecutive pair that no pair across confirms is a gap, except where dead
+    reckoning joins its scans. `voxel` is in meters.
     """
     pairs = without_lone_steps(pairs, {*measurements.ties, *((edge.i, edge.j) for edge in measurements.steps)})
     distrusted: set[tuple[int, int]] = set()
@@ -92,15 +90,15 @@ def _decide(
     bound: float,
     distrusted: Set[tuple[int, int]],
 ) -> tuple[Decision, set[tuple[int, int]]]:
-    """As `decide` with `distrusted` pairs kept out of the chain; and which of the chain the graph contradicts."""
+    """As `decide`, with `distrusted` pairs kept out of the chain; also the chain's pairs that the graph contradicts."""
     count, odometry, priors = len(measurements.scans), measurements.steps, measurements.priors
     possible = _Possible.of(pairs, measurements, floor, bound, distrusted)
-    edges = (*possible.trusted, *(answer.edge() for answer in possible.taken.values()), *odometry)
-    sure = [*possible.trusted, *odometry, *possible.joins]
-    parts = components(count, sure)
-    chained = place_in_world(chain(sure, measurements.stamps), parts, priors)
+    edges = (*possible.trusted, *(hypothesis.edge() for hypothesis in possible.taken.values()), *odometry)
+    trusted = [*possible.trusted, *odometry, *possible.joins]
+    parts = components(count, trusted)
+    chained = place_in_world(chain(trusted, measurements.stamps), parts, priors)
     chained = place_by_control(chained, parts, measurements.control, priors)
-    fixes = _widened(PoseGraph(chained, tuple(sure)), _GRAPH_FLOOR * floor)
+    fixes = _widened(PoseGraph(chained, tuple(trusted)), _GRAPH_FLOOR * floor)
     judged = judge_fixes(fixes, priors)
     measured = tuple(sorted(judged.priors.items()))
     holding = tuple(point for point in measurements.control if point.holds)
@@ -108,7 +106,7 @@ def _decide(
     graph = PoseGraph(chained, edges, priors=measured, control=control)
     robust = robust_optimize(_widened(graph, _GRAPH_FLOOR * floor), trust_chain=False)
     kept_graph = weighed(graph.keep(robust.accepted).at(robust.solution.trajectory.T_world_sensor))
-    # now that loops tell where the poses are, smaller mistakes show, and errors that all fixes share
+    # with loops the poses are accurate enough to show smaller errors, and errors that all fixes share
     judged = judge_fixes(kept_graph, priors)
     kept_graph = replace(kept_graph, priors=tuple(sorted(judged.priors.items())))
     control, more_wrong = without_wrong_control(kept_graph)
@@ -123,22 +121,22 @@ def _decide(
 
 
 def _settled(graph: PoseGraph) -> Solution:
-    """The optimum; what is not measured is taken from where the optimizer starts: let it be the optimum itself."""
+    """The optimum, optimized again from itself: motions that nothing measures stay where the optimizer starts."""
     solution = graph.optimize()
-    for _ in range(_SETTLING if graph.priors or graph.control else 0):
+    for _ in range(_RESTARTS if graph.priors or graph.control else 0):
         solution = solution.graph.optimize()
     return solution
 
 
 @dataclass(frozen=True, slots=True)
 class _Possible:
-    """What may become an edge, before the graph is optimized."""
+    """Edges and possible edges before the graph is optimized."""
 
-    trusted: list[Edge]  # the edges of the chain, and what a person accepted or added
-    joins: list[Edge]  # answers that join parts of these
-    # all answers that are given to the optimizer beside `trusted`, by their scans
+    trusted: list[Edge]  # the edges of the chain, and pairs that a person accepted or added
+    joins: list[Edge]  # hypotheses that join components of these
+    # one hypothesis of a pair, for the optimizer beside `trusted`, by the pair's scans
     taken: dict[tuple[int, int], PossibleEdge]
-    supported: list[PossibleEdge]  # all answers but those of the chain, with their support
+    supported: list[PossibleEdge]  # all hypotheses outside the chain, with their support
     chain_scans: set[tuple[int, int]]  # the scans of the edges of the chain
 
     @classmethod
@@ -153,34 +151,34 @@ class _Possible:
         count, odometry, ties = len(measurements.scans), measurements.steps, measurements.ties
 
         def compared_with(known: Sequence[Edge]) -> Comparison:
-            return compare(chain_parts(count, [*known, *odometry]), answers, floor, bound)
+            return compare(chain_parts(count, [*known, *odometry]), hypotheses, floor, bound)
 
-        asked = [p for p in pairs if p.scans not in ties or ties[p.scans].verdict != "reject"]
-        trusted = [edge for pair in asked if pair.scans not in distrusted and (edge := _chain_edge(pair))]
+        not_rejected = [p for p in pairs if p.scans not in ties or ties[p.scans].verdict != "reject"]
+        trusted = [edge for pair in not_rejected if pair.scans not in distrusted and (edge := _chain_edge(pair))]
         chain_scans = {(edge.i, edge.j) for edge in trusted}
-        answers = [
-            answer
-            for pair in asked
+        hypotheses = [
+            edge
+            for pair in not_rejected
             if pair.scans not in chain_scans
-            for answer in possible_edges(pair)
-            if not answer.fault
+            for edge in possible_edges(pair)
+            if not edge.fault
         ]
-        supported = compared_with(trusted).support(answers)
-        by_itself = {scans: answer.registration for scans, answer in _taken(supported).items()}
-        by_hand = hand_edges(asked, ties, by_itself)
-        if by_hand:
-            trusted = [*(edge for edge in trusted if (edge.i, edge.j) not in by_hand), *by_hand.values()]
-            supported = compared_with(trusted).support(answers)
+        supported = compared_with(trusted).support(hypotheses)
+        automatic = {scans: hypothesis.registration for scans, hypothesis in _taken(supported).items()}
+        manual = hand_edges(not_rejected, ties, automatic)
+        if manual:
+            trusted = [*(edge for edge in trusted if (edge.i, edge.j) not in manual), *manual.values()]
+            supported = compared_with(trusted).support(hypotheses)
         joins: list[Edge] = []
         while new_joins := _joins(count, [*trusted, *odometry, *joins], supported):
             joins += new_joins
-            supported = compared_with([*trusted, *joins]).support(answers)
-        taken = {scans: answer for scans, answer in _taken(supported).items() if scans not in by_hand}
+            supported = compared_with([*trusted, *joins]).support(hypotheses)
+        taken = {scans: hypothesis for scans, hypothesis in _taken(supported).items() if scans not in manual}
         return cls(trusted, joins, taken, supported, chain_scans)
 
 
 def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:
-    """The graph with (6,) standard deviations added to each registration's."""
+    """The graph with (6,) standard deviations added in quadrature to those of each registration."""
 
     def widened(registration: Registration) -> Registration:
         covariance = registration.covariance + np.diag(floor**2)
@@ -203,7 +201,7 @@ def _chain_edge(pair: RegisteredPair) -> Edge | None:
 
 
 def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge]) -> list[Edge]:
-    """Answers that join parts of the chain, as few as suffice, the best supported first."""
+    """The fewest hypotheses that join components of the chain, the best supported first."""
     joining = [possible for possible in supported if possible.joins_parts and possible.may_join]
     joining.sort(key=lambda possible: (-possible.support.pairs, -possible.weight, *possible.scans))
     edges = [possible.edge() for possible in joining]
@@ -212,7 +210,7 @@ def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge
 
 
 def _taken(supported: Sequence[PossibleEdge]) -> dict[tuple[int, int], PossibleEdge]:
-    """At most one answer of every pair, the best supported, by the pair's scans."""
+    """The best supported hypothesis of every pair that may be used, by the pair's scans."""
 
     def standing(possible: PossibleEdge) -> tuple[bool, int, float]:
         return possible.support.agrees, possible.support.pairs, possible.weight

@@ -1,4 +1,4 @@
-"""What is known of a survey beside registrations: fixes, dead reckoning, control points, and ties of a person."""
+"""The measurements of a survey beside registrations: fixes, dead reckoning, control points, and ties."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,31 +15,31 @@ from sonarmap.spectral.scan import PosePrior, Scan
 
 @dataclass(frozen=True, slots=True)
 class Measurements:
-    """Scans, what instruments measured, right or not, and what a person adds."""
+    """Scans, measurements of instruments, which may be wrong, and a person's ties and control points."""
 
     scans: tuple[Scan, ...]  # N, with their priors
     surveys: np.ndarray  # (N,) the number of each scan's survey
     odometry: Odometry | None = None  # dead reckoning; None without
-    control: tuple[ControlPoint, ...] = ()  # points of scans with known coordinates; those to check with are not used
-    # what a person said of pairs, by their scans
+    control: tuple[ControlPoint, ...] = ()  # points of scans with known coordinates; check points are not used
+    # by the scans of their pairs
     ties: Mapping[tuple[int, int], Tie] = field(default_factory=dict[tuple[int, int], Tie])
 
     def searched(self, understated: Mapping[str, float] | None = None) -> tuple[Scan, ...]:
-        """The scans as they are registered: a place that bounds a search could not be contradicted by it, and what is
-        less sure than it says would bound it too narrowly; by kind, how many times less sure."""
+        """The scans as they are registered: without positions, as a search that they bound could not contradict them,
+        and with larger sigmas of the `understated` kinds, by their ratio of actual to stated errors."""
 
         def bounding(prior: PosePrior | None) -> PosePrior | None:
             if prior is None or (without := without_kinds(prior, {"position"})) is None:
                 return None
             sigmas = without.sigmas.copy()
-            for kind, times in (understated or {}).items():
-                sigmas[KINDS[kind]] *= times
+            for kind, ratio in (understated or {}).items():
+                sigmas[KINDS[kind]] *= ratio
             return replace(without, sigmas=sigmas)
 
         return tuple(replace(scan, prior=bounding(scan.prior)) for scan in self.scans)
 
     def take(self, chosen: Sequence[int]) -> "Measurements":
-        """Of these scans, ascending, which are then numbered 0, 1, ...
+        """Only these scans, ascending and numbered 0, 1, ...
 
         Raises:
             InputError: a tie of another scan.
@@ -61,13 +61,13 @@ class Measurements:
 
     @property
     def steps(self) -> list[Edge]:
-        """Of dead reckoning, within each survey."""
+        """Edges of dead reckoning, within each survey."""
         return [] if self.odometry is None else self.odometry.edges(self.surveys)
 
     @property
     def runs(self) -> np.ndarray:
-        """(N,) within which consecutive scans are registered: the surveys, or each scan by itself where dead reckoning
-        alone tells the steps."""
+        """(N,) numbers of the runs in which consecutive scans are registered: the surveys, or single scans where dead
+        reckoning alone gives the steps."""
         if self.odometry is None or not self.odometry.alone:
             return self.surveys
         apart = ~np.isin(np.arange(len(self.surveys)), self.odometry.scans[1:])
@@ -80,5 +80,5 @@ class Measurements:
 
     @property
     def priors(self) -> dict[int, PosePrior]:
-        """By scan."""
+        """Measurements of instruments, by scan."""
         return {k: scan.prior for k, scan in enumerate(self.scans) if scan.prior is not None}

@@ -1,4 +1,4 @@
-"""Every answer that a registration could not exclude, as something that the whole survey may decide about."""
+"""Possible edges: the hypotheses of a registration, for the inference about the whole survey."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,41 +11,38 @@ from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
 
-# An answer less probable than this is not followed.
-_POSSIBLE = 0.05
-# The probability that an accepted answer counts with where its method gives none, and the most that any counts with:
-# one pair alone is never sure.
-_UNKNOWN, _SUREST = 0.9, 0.999
-# Scans at most this far apart in a chain may show that one of its registrations is wrong.
-_NEAR_IN_CHAIN = 5
-# Weights: of an answer with a probability of a third, of one that is believed alone, and of pairs that are all wrong
-# once in twenty times.
-_LIKELY, _BELIEVED, _SURE = -log(2 / 3), -log(0.2), -log(0.05)
+_MIN_PROBABILITY = 0.05  # of a possible edge
+_DEFAULT_PROBABILITY = 0.9  # of an accepted hypothesis whose method states none
+_MAX_PROBABILITY = 0.999  # of any hypothesis: one pair alone is never certain
+_MAX_SCANS_APART = 5  # of a hypothesis that may contradict the chain
+_MIN_WEIGHT = -log(2 / 3)  # of a refused hypothesis that agrees with the chain: wrong with a probability of 2/3
+_MIN_BRIDGE_WEIGHT = -log(0.2)  # of a single bridge that joins components
+_MIN_JOINT_WEIGHT = -log(0.05)  # of agreeing pairs that join components: all wrong with a probability of 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """What speaks for a possible edge."""
+    """The evidence for a possible edge."""
 
-    pairs: int = 1  # how many pairs, its own among them, agree with one another in its group
-    weight: float = 0.0  # of the group, the negative logarithm of the probability that all of it is wrong
-    leading: bool = False  # whether its group is clearly heavier than the next between the same parts
-    sigmas: float = float("nan")  # its distance from its part's own chain (Mahalanobis); NaN where it joins two parts
-    agrees: bool = False  # whether that is within the bound; False where it joins two parts
-    elsewhere: bool = False  # whether it leaves a direction open along which its part's chain has the scans far off
+    pairs: int = 1  # number of agreeing pairs in its group, its own included
+    weight: float = 0.0  # of the group: negative logarithm of the probability that all of it is wrong
+    leading: bool = False  # whether its group is clearly heavier than the next between the same components
+    sigmas: float = float("nan")  # Mahalanobis distance from its component's chain; NaN if it joins two components
+    agrees: bool = False  # whether this is within the bound; False if it joins two components
+    elsewhere: bool = False  # whether a direction is unconstrained and the component's chain far away
 
 
 @dataclass(frozen=True, slots=True)
 class PossibleEdge:
-    """One answer to how two scans lie to each other, and what speaks for it."""
+    """One hypothesis for the transform between two scans, and its support."""
 
     # i, j: target and source, i < j
     i: int
     j: int
-    registration: Registration  # the answer
-    rank: int = 0  # 0 for the registration itself, from 1 on for its alternatives
-    near: bool = False  # whether the scans follow each other closely, so that they certainly share something
-    support: Support = Support()  # by the other pairs, as far as it is known
+    registration: Registration  # the hypothesis
+    rank: int = 0  # 0 for the registration itself, 1 and more for its alternatives
+    near: bool = False  # whether the scans are close in time, so that they certainly overlap
+    support: Support = Support()  # by the other pairs, once they are compared
 
     @property
     def scans(self) -> tuple[int, int]:
@@ -54,40 +51,40 @@ class PossibleEdge:
 
     @property
     def accepted(self) -> bool:
-        """Whether the registration accepts this answer by itself."""
+        """Whether the registration accepts this hypothesis by itself."""
         return self.registration.accepted
 
     @property
     def probability(self) -> float:
-        """That it is right and fixed, as its registration has it, at most 0.999."""
+        """That it is right and constrained in all directions, by its registration; at most 0.999."""
         probability = self.registration.probability * self.registration.fixed
         if not np.isfinite(probability):
-            probability = _UNKNOWN if self.accepted else 0.0
-        return min(max(probability, 0.0), _SUREST)
+            probability = _DEFAULT_PROBABILITY if self.accepted else 0.0
+        return min(max(probability, 0.0), _MAX_PROBABILITY)
 
     @property
     def placed(self) -> bool:
-        """Whether it is the registration itself, which has found the place, though it may leave a direction open."""
+        """Whether it is the registration itself with an accepted place; a direction may be unconstrained."""
         return self.rank == 0 and self.registration.placed
 
     @property
     def counts(self) -> bool:
-        """Whether agreement with it speaks for another answer: with what is wide open nearly everything agrees."""
-        return self.accepted or self.probability >= _POSSIBLE
+        """Whether it supports hypotheses that agree with it; nearly all agree with an unconstrained one."""
+        return self.accepted or self.probability >= _MIN_PROBABILITY
 
     @property
     def weight(self) -> float:
-        """How much it counts: the negative logarithm of the probability that it is wrong."""
+        """Negative logarithm of the probability that it is wrong."""
         return -log(1 - self.probability)
 
     @property
     def joins_parts(self) -> bool:
-        """Whether it would join two parts; else it lies within one."""
+        """Whether it joins two components; else it lies within one."""
         return bool(np.isnan(self.support.sigmas))
 
     @property
     def fault(self) -> str:
-        """Why it cannot be an edge, in words; "" where it can."""
+        """Why it cannot be an edge; "" if it can."""
         try:
             self.edge()
         except InputError as error:
@@ -95,7 +92,7 @@ class PossibleEdge:
         return ""
 
     def edge(self) -> Edge:
-        """What it contributes to a graph.
+        """Its edge in a graph.
 
         Raises:
             InputError: its covariance is not positive definite.
@@ -104,41 +101,39 @@ class PossibleEdge:
 
     @property
     def may_be_taken(self) -> bool:
-        """Whether its support is enough to give it to the optimizer."""
-        return self.may_join if self.joins_parts else self._may_stand_beside_chain
+        """Whether its support is enough for the optimizer to get it."""
+        return self.may_join if self.joins_parts else self._may_lie_within
 
     @property
     def may_join(self) -> bool:
-        """Whether it may join two parts: at least two pairs agree, or it is accepted, of scans close in time."""
-        confirmed = self.support.pairs >= 2 and self.support.weight >= _SURE
-        believed = self.accepted and self.near and self.weight >= _BELIEVED
-        return self.support.leading and (confirmed or believed)
+        """Whether it may join two components: at least two pairs agree, or it is an accepted bridge."""
+        confirmed = self.support.pairs >= 2 and self.support.weight >= _MIN_JOINT_WEIGHT
+        bridge = self.accepted and self.near and self.weight >= _MIN_BRIDGE_WEIGHT
+        return self.support.leading and (confirmed or bridge)
 
     @property
-    def _may_stand_beside_chain(self) -> bool:
-        """Whether it may be an edge beside the chain of the part that both of its scans are in.
+    def _may_lie_within(self) -> bool:
+        """Whether it may be an edge within the component of both of its scans.
 
-        An accepted answer that agrees with the chain may. One that agrees without being accepted has to be likely, or
-        refused for a direction alone that it leaves open, which the chain holds; and it needs other pairs besides, as
-        the chain holds without it. One that contradicts the chain needs other pairs that
-        say the same, and scans so close in time that few registrations of the chain can be at fault: then the graph
-        decides between them. Farther apart in time it is more likely that a place looks like another, and several
-        pairs can be wrong about that alike.
+        An accepted hypothesis that agrees with the chain may. A refused one that agrees needs another agreeing pair,
+        and has to be probable, or refused only for an unconstrained direction. One that contradicts the chain has to be
+        accepted, with another agreeing pair, and of scans so close in time that few edges of the chain can be wrong;
+        the graph then decides. Farther apart, several pairs can be wrong in the same way at places of similar shape.
         """
         if self.support.elsewhere:
             return False
         if self.support.agrees:
-            likely = self.weight >= _LIKELY or self.placed
-            return self.accepted or (likely and self.support.leading and self.support.pairs >= 2)
-        return self.accepted and self.support.pairs >= 2 and self.j - self.i <= _NEAR_IN_CHAIN
+            probable = self.weight >= _MIN_WEIGHT or self.placed
+            return self.accepted or (probable and self.support.leading and self.support.pairs >= 2)
+        return self.accepted and self.support.pairs >= 2 and self.j - self.i <= _MAX_SCANS_APART
 
 
 def possible_edges(pair: RegisteredPair) -> list[PossibleEdge]:
-    """The registration of a pair, where it is accepted or possible, and its possible alternatives."""
+    """The hypotheses of a pair, its registration and alternatives, that are accepted or probable enough."""
     if pair.registration is None:
         return []
-    answers: Sequence[Registration] = (pair.registration, *pair.registration.alternatives)
+    hypotheses: Sequence[Registration] = (pair.registration, *pair.registration.alternatives)
     possible = [
-        PossibleEdge(pair.i, pair.j, answer, rank, near=pair.role != "loop") for rank, answer in enumerate(answers)
+        PossibleEdge(pair.i, pair.j, each, rank, near=pair.role != "loop") for rank, each in enumerate(hypotheses)
     ]
     return [edge for edge in possible if edge.counts or edge.placed]

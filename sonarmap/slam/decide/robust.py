@@ -1,9 +1,9 @@
-"""Outlier rejection: which measurements of a pose graph are inliers, and the optimum of those.
+"""Outlier rejection: the inliers among the measurements of a pose graph, and their optimum.
 
 Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas and Carlone, RA-L 2020,
-DOI 10.1109/LRA.2020.2965893), by GTSAM. What it starts with is bounded: a few hundred wrong loops fill the equations so
-much that a step takes seconds. The loops that agree with the most others come first, then those that the estimate does
-not contradict.
+DOI 10.1109/LRA.2020.2965893), by GTSAM. It begins with a limited number of loops, as a few hundred wrong ones fill the
+equations, and a step takes seconds. The loops that agree with the most others come first, then those that the estimate
+does not contradict.
 """
 
 from collections import deque
@@ -26,35 +26,35 @@ from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.spectral.chi_squared import chi_squared
 
-PROBABILITY = 0.999  # of a right measurement to be within the bound
-FIRST = 200  # loops with which to begin, unless a single group of more agrees with itself
-_ROUNDS = 4
-# Graphs of so many poses are looked at as a whole; of larger ones so many around each end of an edge in doubt.
-_WHOLE, _AROUND = 1000, 60
-_LARGE_GROUP = 0.1  # as a share of the largest group of loops that agree
-_HALF = 0.5  # weight of an edge that is neither right nor wrong
+PROBABILITY = 0.999  # that a right measurement is within the bound
+FIRST = 200  # loops to begin with; more only if they agree with each other
+_ROUNDS = 4  # most repetitions
+_MAX_WHOLE = 1000  # poses of a graph that is solved as a whole
+_REGION_SIZE = 60  # poses around each end of a doubtful edge of a larger graph
+_LARGE_GROUP = 0.1  # least size of a group of agreeing loops to begin with, as a share of the largest group
+_MIN_WEIGHT = 0.5  # of an inlier
 
 
 @dataclass(frozen=True, slots=True)
 class RobustSolution:
-    """The inliers, and the poses that agree best with them."""
+    """The inliers and their optimum."""
 
     solution: Solution  # of the graph of the accepted edges alone, in their order
-    accepted: np.ndarray  # (E,) bool, of the edges that were given
-    residuals: np.ndarray  # (E,) float64, every edge's residual there in sigmas
-    reasons: tuple[str, ...]  # (E,) in reasons, why each was accepted or rejected
+    accepted: np.ndarray  # (E,) bool, of the given edges
+    residuals: np.ndarray  # (E,) float64, residual of every edge at the optimum [sigmas]
+    reasons: tuple[str, ...]  # (E,) why each edge was accepted or rejected
 
 
 def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolution:
-    """Reject the measurements that the others contradict, and optimize what is left.
+    """Reject the measurements that the others contradict, and optimize the others.
 
-    The initial estimate is the chain of the edges, consecutive ones before loops; the graph's own is only that of the
-    poses it holds. Priors, and edges without which the graph would fall apart, are always accepted.
+    The initial estimate is the chain of the edges, consecutive ones before loops; the graph's own poses are used only
+    if they are held. Priors, and edges that alone join two components, are always accepted.
 
     Args:
         graph: of any number of components.
-        trust_chain: whether edges between consecutive scans are right in any case, as loops between places that look
-            alike may agree with each other in any number.
+        trust_chain: whether edges between consecutive scans are always accepted, as any number of loops between places
+            of similar shape may agree with each other.
     """
     edges, bound = graph.edges, chi_squared(PROBABILITY, 6)
     fixed = _fixed_inliers(graph)
@@ -77,18 +77,18 @@ def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolutio
 
 
 def _fixed_inliers(graph: PoseGraph) -> np.ndarray:
-    """(E,) bool: inliers in any case: what instruments or a person say, and what alone joins two parts."""
+    """(E,) bool: edges that are always inliers: of instruments or a person, or the only one between two components."""
     fixed = np.array([edge.by_hand or not edge.is_registered for edge in graph.edges], bool)
     fixed[list(cut_edges(len(graph.trajectory), graph.edges, graph.gauge.in_world))] = True
     return fixed
 
 
 def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
-    """(E,) bool: what to begin with: all but loops, what joins the components, and the largest groups that agree.
+    """(E,) bool: the edges to begin with: all but loops, a spanning tree, and the largest groups of agreeing loops.
 
-    Wrong loops between places that look alike agree in groups, too, but in smaller ones; what belongs to a small group
-    is tried when the large ones tell where it lies. Of a large graph without the loops that the chain contradicts, as
-    the least squares of those take minutes; but for the largest group, which tells how far the chain is off.
+    Wrong loops between places of similar shape also agree, but in smaller groups, which are tried after the large ones
+    have placed the poses. In a large graph, loops that contradict the chain are left out, as their least squares take
+    minutes; but the largest group stays, and shows how far the chain is off.
     """
     edges, count = graph.edges, len(graph.trajectory)
     tree = spanning_tree(count, edges)
@@ -100,7 +100,7 @@ def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
     sizes = np.bincount(groups, minlength=1)
     chosen = sizes[groups] >= max(2.0, _LARGE_GROUP * sizes.max())
     grouped, alone = loops[chosen], loops[sizes[groups] == 1]
-    if count > _WHOLE and len(grouped):
+    if count > _MAX_WHOLE and len(grouped):
         away = distances_from_chain(chains, [edges[k] for k in grouped])
         largest = groups[chosen] == np.argmax(sizes)
         usual = np.sqrt(chi_squared(0.5, 6))
@@ -113,12 +113,12 @@ def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
 def _inliers(
     graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float, trust_chain: bool
 ) -> tuple[np.ndarray, Solution]:
-    """Which of the active edges are inliers, (E,) bool, and the optimum of those.
+    """(E,) bool, the inliers among the active edges, and their optimum.
 
-    Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
-    chain apart and it may end in a poor optimum. With the chain trusted it does not, but then a wrong edge of the chain
-    cannot be found. Both are tried, and the one with the lower truncated cost is taken. What instruments measured is
-    right in either, and counts as far as the poses contradict it.
+    Graduated non-convexity begins with the least squares of all edges. There a wrong loop can tear the chain apart, and
+    the result can be poor. Trusting the chain prevents this, but hides its own wrong edges. Both are tried, and the
+    result with the lower truncated cost is used. Measurements of instruments are inliers in both, and add to the cost
+    as much as the poses contradict them.
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
     if trust_chain:
@@ -133,42 +133,42 @@ def _inliers(
         if best is None or cost < best[0]:
             best = cost, accepted, solution
         agrees = not measured or contradicted <= chi_squared(PROBABILITY, measured)
-        if agrees and (active & ~accepted).sum() <= 1:  # then no edge of the chain can be worth less
+        if agrees and (active & ~accepted).sum() <= 1:  # then rejecting an edge of the chain costs as much
             break
     assert best is not None
     return best[1:]
 
 
 def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> tuple[np.ndarray, Solution]:
-    """(E,) bool, which of the active edges are inliers by graduated non-convexity; and the optimum of those.
+    """(E,) bool, the inliers among the active edges by graduated non-convexity, and their optimum.
 
-    Of a large graph only where edges contradict each other at the least squares.
+    In a large graph, it runs only in regions where edges contradict each other at the least-squares optimum.
     """
     weights = active.astype(np.float64)
-    if len(graph.trajectory) <= _WHOLE:
+    if len(graph.trajectory) <= _MAX_WHOLE:
         weights[active] = _weights(graph.keep(active), fixed[active], bound)
-    for _ in range(_ROUNDS if len(graph.trajectory) > _WHOLE else 0):
-        accepted = weights > _HALF
+    for _ in range(_ROUNDS if len(graph.trajectory) > _MAX_WHOLE else 0):
+        accepted = weights > _MIN_WEIGHT
         solution = graph.keep(accepted).optimize()
         graph = graph.at(solution.trajectory.T_world_sensor)
         doubtful = contradicted_edges(graph, solution, accepted & ~fixed, bound)
         if not len(doubtful):
             break
-        for region in regions_about(graph, accepted, doubtful.tolist(), _AROUND):
+        for region in regions_about(graph, accepted, doubtful.tolist(), _REGION_SIZE):
             weights[region.edges] = _weights(region.graph, fixed[region.edges], bound)
     accepted = _rejoined(graph, active, weights)
     return accepted, graph.keep(accepted).optimize()
 
 
 def _weights(graph: PoseGraph, fixed: np.ndarray, bound: float) -> np.ndarray:
-    """(E,) how much each edge counts in the end, 0 or 1 but for the last digits."""
+    """(E,) final weight of each edge, 0 or 1 up to rounding."""
     factors = factors_of(graph)
     count = len(graph.edges)
     inner = gtsam.LevenbergMarquardtParams()
     inner.setRelativeErrorTol(1e-4)
     settings = gtsam.GncLMParams(inner)
     settings.setKnownInliers([*np.flatnonzero(fixed).tolist(), *range(count, factors.size())])
-    settings.setRelativeCostTol(0.0)  # a cost that rests while every weight is still soft is no end
+    settings.setRelativeCostTol(0.0)  # the cost can stop falling before the weights are 0 or 1
     optimizer = gtsam.GncLMOptimizer(factors, to_values(graph.trajectory.T_world_sensor), settings)
     optimizer.setInlierCostThresholds(bound / 2)  # GTSAM's cost has a factor 1/2
     optimizer.optimize()
@@ -176,11 +176,11 @@ def _weights(graph: PoseGraph, fixed: np.ndarray, bound: float) -> np.ndarray:
 
 
 def _rejoined(graph: PoseGraph, active: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(E,) bool: the inliers, and the best of the other active edges where the graph has fallen apart."""
+    """(E,) bool: the inliers, and the best of the other active edges that join components again."""
     joined = DisjointSet(range(len(graph.trajectory)))
     for one, other in pairwise(graph.gauge.in_world):
         joined.merge(one, other)
-    accepted = weights > _HALF
+    accepted = weights > _MIN_WEIGHT
     for k in np.flatnonzero(accepted):
         joined.merge(graph.edges[k].i, graph.edges[k].j)
     rejected = np.flatnonzero(active & ~accepted)
@@ -197,28 +197,28 @@ def _reasons(
     for k in range(len(graph.edges)):
         apart = f"{residuals[k]:.1f} sigmas, {np.sqrt(bound):.1f} allowed"
         if fixed[k]:
-            reasons.append("accepted: trusted, or the only edge between two parts")
+            reasons.append("accepted: trusted, or the only edge between two components")
         elif accepted[k]:
             reasons.append(f"accepted: agrees with the others to {apart}")
         elif tried[k]:
-            reasons.append(f"rejected: the edges that agree with each other leave it {apart}")
+            reasons.append(f"rejected: the edges that agree with each other contradict it by {apart}")
         else:
-            reasons.append(f"rejected: the estimate without it contradicts it: {apart}")
+            reasons.append(f"rejected: the estimate without it contradicts it by {apart}")
     return tuple(reasons)
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A part of a graph, as a graph of its own."""
+    """A region of a graph, as a graph of its own."""
 
-    graph: PoseGraph  # of the region's poses; those at its rim are held where they were
-    edges: np.ndarray  # the number that each of its edges has in the whole graph
+    graph: PoseGraph  # of the region's poses; those at its border are held
+    edges: np.ndarray  # the index of each of its edges in the whole graph
 
 
 def regions_about(graph: PoseGraph, active: np.ndarray, doubtful: Sequence[int], size: int) -> list[Region]:
-    """The regions of `size` poses around each end of doubtful edges; those that touch are one.
+    """The regions of `size` poses around each end of doubtful edges; those that touch are merged.
 
-    Of a graph whose poses are about where they are; its active edges, (E,) bool, join them.
+    The graph is close to its optimum; the active edges, (E,) bool, connect its poses.
     """
     ends = np.array([(edge.i, edge.j) for edge in graph.edges])
     count, joining = len(graph.trajectory), np.flatnonzero(active)
@@ -235,7 +235,7 @@ def regions_about(graph: PoseGraph, active: np.ndarray, doubtful: Sequence[int],
 
 
 def _around(joined: sparse.csr_array, pose: int, size: int) -> list[int]:
-    """The poses that are the fewest edges away."""
+    """The `size` poses that are the fewest edges away from a pose."""
     reached, waiting = {pose}, deque([pose])
     while waiting and len(reached) < size:
         k = waiting.popleft()
@@ -252,7 +252,7 @@ def _region(graph: PoseGraph, ends: np.ndarray, joining: np.ndarray, poses: np.n
     number = np.cumsum(inside) - 1
     chosen = joining[touching.all(axis=1)]
     leaving = ends[joining[touching.any(axis=1) & ~touching.all(axis=1)]]
-    rim = set(leaving[inside[leaving]].tolist())
+    border = set(leaving[inside[leaving]].tolist())
 
     def own(k: int) -> int:
         return int(number[k])
@@ -261,7 +261,7 @@ def _region(graph: PoseGraph, ends: np.ndarray, joining: np.ndarray, poses: np.n
         PoseGraph(
             graph.trajectory.take(poses.tolist()),
             tuple(replace(graph.edges[k], i=own(graph.edges[k].i), j=own(graph.edges[k].j)) for k in chosen.tolist()),
-            fixed=tuple(sorted(own(k) for k in rim.union(k for k in graph.fixed if inside[k]))),
+            fixed=tuple(sorted(own(k) for k in border.union(k for k in graph.fixed if inside[k]))),
             priors=tuple((own(k), prior) for k, prior in graph.priors if inside[k]),
             known=tuple(replace(known, pose=own(known.pose)) for known in graph.known if inside[known.pose]),
             control=tuple(replace(point, scan=own(point.scan)) for point in graph.control if inside[point.scan]),

@@ -1,4 +1,4 @@
-"""What became of every pair of a survey: in sigmas, and in words."""
+"""The verdict about every pair of a survey: whether it is kept, why, and its distance from the final poses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -11,7 +11,7 @@ from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 
-_BY_HAND = {"accept": "accepted", "add": "added", "given": "measured"}
+_MANUAL = {"accept": "accepted", "add": "added", "given": "measured"}
 
 
 def with_verdicts(
@@ -23,8 +23,8 @@ def with_verdicts(
 ) -> list[Pair]:
     """Every pair with its edge, its reason and its distance from the final poses, in their order.
 
-    `supported` are all answers but those of the chain, `taken` those that were given to the optimizer; the edges of the
-    solution are what was kept.
+    `supported` are all hypotheses outside the chain, `taken` those that the optimizer got; the edges of the solution
+    are kept.
     """
     kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_of_pair}
     best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
@@ -55,7 +55,7 @@ def _distances(
     kept: Mapping[tuple[int, int], int],
     solution: Solution,
 ) -> dict[tuple[int, int], float]:
-    """How far what was not kept is from the final poses [sigmas]; NaN where these share no frame."""
+    """Distance of refused pairs from the final poses [sigmas]; NaN if their scans share no frame."""
     asked: dict[tuple[int, int], PossibleEdge] = {}
     for pair in pairs:
         if pair.scans not in kept and pair.registration is not None:
@@ -76,41 +76,41 @@ def _reason(
     if registration is None:
         return f"failed: {pair.failure}"
     if tie and kept:
-        return f"kept: {_BY_HAND[tie.by_hand]} by hand, {residual:.1f} sigmas from the final poses"
+        return f"kept: {_MANUAL[tie.by_hand]} by hand, {residual:.1f} sigmas from the final poses"
     if possible is None:
         if fault := PossibleEdge(pair.i, pair.j, registration).fault:
             return f"failed: {fault}"
         if kept:
             return f"kept: {registration.reason or 'no reason given'}"
         if registration.accepted:
-            return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
+            return f"refused, inconsistent: the other pairs place the scans {residual:.1f} sigmas from there"
         return _refused(registration)
     if kept:
         return (
             f"kept: {_agreement(possible)}{_doubt(registration, possible)}, {residual:.1f} sigmas from the final poses"
         )
     if taken:
-        return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
+        return f"refused, inconsistent: the other pairs place the scans {residual:.1f} sigmas from there"
     if possible.support.elsewhere:
-        return "refused: it leaves a direction open, and was measured where the scans, far from there, do not lie"
+        return "refused: it leaves a direction unconstrained, and places the scans far from where the chain does"
     if registration.accepted:
         return f"refused, inconsistent: {_agreement(possible)}"
     return _refused(registration)
 
 
 def _agreement(possible: PossibleEdge) -> str:
-    """What the chain and the other pairs say of it."""
+    """How far the chain and the other pairs agree with it."""
     support = possible.support
     others = f"{support.pairs - 1} other pairs agree with it" if support.pairs > 1 else "no other pair agrees with it"
     if possible.joins_parts:
-        return f"{others} on how two parts lie to each other"
+        return f"{others} on the transform between two components"
     if support.agrees and support.pairs == 1:
         return f"the chain agrees with it to {support.sigmas:.1f} sigmas"
     return f"{others}, {support.sigmas:.1f} sigmas from the chain"
 
 
 def _doubt(registration: Registration, possible: PossibleEdge) -> str:
-    """Why it was taken though the registration was not sure of it."""
+    """Why it is kept though the registration did not accept it."""
     if possible.rank:
         return f", which is the registration's answer {possible.rank + 1} by probability"
     return "" if registration.accepted else f", though the registration was not sure ({registration.probability:.0%})"

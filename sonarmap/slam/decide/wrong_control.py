@@ -1,4 +1,4 @@
-"""Control points that all other measurements contradict, as one that was picked wrongly."""
+"""Control points that all other measurements contradict, such as wrongly picked ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,21 +9,21 @@ from sonarmap.slam.decide.wrong_measurements import TAILS, reweighted, sigmas_if
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 
-# Where more than this share of the points seem wrong, it is not they that are.
-_MOST = 0.3
+_MAX_WRONG_SHARE = 0.3  # of the points; if more seem wrong, the other measurements are
 
 
 @dataclass(frozen=True, slots=True)
 class WrongControl:
     """A control point that was left out."""
 
-    point: ControlPoint  # as it was given
-    sigmas: float  # how far it is from what all others say, in its own standard deviations and the map's together
+    point: ControlPoint  # as given
+    sigmas: float  # distance from the estimate by all others, in standard deviations of the point and the map together
 
 
 def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
-    """The control points of a graph, its poses about where they are in the world, without those that its edges, priors
-    and other points contradict; and which."""
+    """The control points of a graph without those that its edges, priors and other points contradict; and the latter.
+
+    The graph's poses are close to their places in the world."""
     if not graph.control:
         return (), ()
 
@@ -37,17 +37,17 @@ def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], t
         squared = np.array([(_apart(at, point) / point.sigmas) ** 2 for point in graph.control]).sum(axis=1)
         return np.minimum(1.0, (TAILS + 3) / (TAILS + squared))
 
-    # a point far off counts little from the beginning: at full weight it would bend a chain for good
+    # far points begin with a low weight: with full weight they would bend the chain permanently
     solution, weights = reweighted(graph, weights_at(graph), weighed, weights_at)
     wrong = _wrong_control(solution, graph.control, weights)
-    if len(wrong) > _MOST * len(graph.control):
+    if len(wrong) > _MAX_WRONG_SHARE * len(graph.control):
         return graph.control, ()
     left_out = {id(each.point) for each in wrong}
     return tuple(point for point in graph.control if id(point) not in left_out), wrong
 
 
 def _apart(graph: PoseGraph, point: ControlPoint) -> np.ndarray:
-    """(3,) from where a control point is known to be to where the poses have it [m]."""
+    """(3,) from the known place of a control point to its place by the poses [m]."""
     return graph.trajectory.T_world_sensor[point.scan].apply(point.point) - point.known
 
 

@@ -1,7 +1,7 @@
-"""Measurements that all others contradict: an acoustic outlier, a compass that jumped.
+"""Fixes that all other measurements contradict: an acoustic outlier, a compass that jumped.
 
-They are found by reweighted least squares with heavy tails (Student's t): a measurement far off pulls less and less,
-until the others say where the pose is. One that nothing else bears on is never wrong.
+They are found by reweighted least squares with Student's t: a fix that is far off gets a lower weight in each round,
+until the other measurements determine the pose. A fix of a pose without other measurements is never wrong.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -19,29 +19,28 @@ from sonarmap.spectral.chi_squared import chi_squared, chi_squared_beyond
 from sonarmap.spectral.geometry import twist
 from sonarmap.spectral.scan import PosePrior
 
-# What an instrument tells, and its numbers among a prior's sigmas.
+# Kinds of measurements, and their numbers among a prior's sigmas.
 KINDS = {"attitude": slice(0, 2), "heading": slice(2, 3), "position": slice(3, 5), "depth": slice(5, 6)}
 _SIZES = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
-_MIDDLE = chi_squared(0.5, _SIZES)  # the median of chi-squared with a degree of freedom for each size
-# Degrees of freedom of the errors' tails, how often measurements are weighed anew, and a change that is none.
-TAILS, _REWEIGHTED, _SETTLED = 2.0, 12, 1e-2
-# A measurement is wrong where one of so many right ones is as far off.
-_RARE = 1e-5
-# Where more than this share of the measurements of a kind seem wrong, it is not they that are.
-_MOST = 0.4
-# Standard deviations of a kind are understated where the errors of half of so many or more are as large as those of so
-# many times as large ones; from so many times on nothing is measured: axes are exchanged, or times are off.
-_FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
-# An error that all fixes share is looked for where a first look lets chi-squared fall by so much, and believed where it
-# falls by so much in the end, and so much more than by another that leaves the poses elsewhere, by so many of the
-# positions' sigmas in the mean.
-_LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 15.0, 15.0, 3.0
-# What fits with it then, as depths and attitudes have nothing to do with it; and the share of these that may still be
-# farther off than one of so many right ones.
-_EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]
-_MOST_LEFT, _RARELY = 0.2, 1e-4
-_STEPS, _STILL = 8, 0.02  # it is found in at most so many steps, the last of which is so small a share of it
-_SURE_TILT = float(np.deg2rad(3.0))  # a tilt that is less sure is no ground for an error that all share [rad]
+_MEDIANS = chi_squared(0.5, _SIZES)  # of chi-squared, by kind
+TAILS = 2.0  # degrees of freedom of Student's t
+_MAX_ROUNDS = 12  # of reweighting
+_MIN_CHANGE = 1e-2  # of a weight in a round; a smaller one is the last
+_WRONG = 1e-5  # probability that a right measurement is as far off as a wrong one
+_MAX_WRONG = 0.4  # share of a kind's fixes; if more seem wrong, the registrations are
+_MIN_FIXES = 8  # of a kind, to compare actual with stated errors
+_UNDERESTIMATED = 2.0  # ratio of actual to stated errors from which sigmas are scaled
+NOTHING = 10.0  # ratio from which a kind is ignored: axes are exchanged, or times are off
+_MIN_FALL = 5.0  # of chi-squared by the first step of a kind of systematic error that is tried
+_MIN_GAIN = 15.0  # by which a systematic error lowers the cost
+_CLEAR_GAIN = 15.0  # by which another error with other poses has to be worse
+_OTHER_POSES = 3.0  # mean distance of positions from which two errors lead to other poses [sigmas]
+_EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]  # kinds that a systematic error changes
+_MAX_FAR_SHARE = 0.2  # of their fixes that are still far off
+_FAR = 1e-4  # probability that a right measurement is as far off
+_MAX_STEPS = 8  # of Gauss-Newton
+_MIN_STEP = 0.02  # as a share of the error; a smaller one is the last
+_MAX_TILT_SIGMA = float(np.deg2rad(3.0))  # with which a systematic error can be estimated [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,26 +49,26 @@ class WrongFix:
 
     scan: int  # its index
     kind: str  # of KINDS
-    sigmas: float  # how far it is from what all others say, in standard deviations of one number that is as rare
-    place: tuple[float, ...] | None = None  # where a position said that the sensor was, East and North [m]
+    sigmas: float  # Mahalanobis distance from the estimate by all others
+    place: tuple[float, ...] | None = None  # a measured position, east and north [m]
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedFixes:
-    """What instruments measured, as far as everything else bears it out."""
+    """Fixes of instruments, compared with all other measurements."""
 
-    priors: dict[int, PosePrior]  # by pose, without what is wrong, and as sure as it shows itself to be
+    priors: dict[int, PosePrior]  # by pose, without wrong fixes, and with sigmas by their actual errors
     wrong: tuple[WrongFix, ...] = ()
-    # by kind, by how much larger its errors are than stated; from `NOTHING` on the kind is left out
+    # by kind, ratio of actual to stated errors; from `NOTHING` on the kind is left out
     understated: Mapping[str, float] = field(default_factory=dict[str, float])
-    systematic: Systematic | None = None  # what all were off by; the priors are without it
+    systematic: Systematic | None = None  # error of all fixes, removed from the priors
 
 
 def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixes:
-    """The priors without those that the edges and the other priors contradict, and as sure as these leave them.
+    """The priors without those that the edges and other priors contradict, and with sigmas by their actual errors.
 
     Args:
-        graph: edges between the poses, these about where they are in the world; its own priors do not count.
+        graph: edges between the poses, which are close to their places in the world; its own priors are not used.
         priors: what instruments measured, by pose.
     """
     if not priors:
@@ -98,7 +97,7 @@ def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixe
 def agreement(
     priors: Mapping[int, PosePrior], wrong: Sequence[WrongFix], T_world_sensor: RigidTransform
 ) -> dict[str, tuple[int, int, float]]:
-    """By kind, how many measurements are used, of how many, and their distance from the poses in the median [sigmas].
+    """By kind: number of used fixes, number of all fixes, and median distance of the used ones from the poses [sigmas].
 
     Args:
         priors: those that are used, by pose.
@@ -109,69 +108,69 @@ def agreement(
         return {}
     fixes = _Fixes.of(priors)
     sigmas = np.sqrt(fixes._squared(T_world_sensor) / _SIZES)
-    told: dict[str, tuple[int, int, float]] = {}
+    by_kind: dict[str, tuple[int, int, float]] = {}
     for kind, own, known in zip(KINDS, sigmas.T, fixes.known.T, strict=True):
         if known.any():
             used, left_out = int(known.sum()), sum(fix.kind == kind for fix in wrong)
-            told[kind] = used, used + left_out, float(np.median(own[known]))
-    return told
+            by_kind[kind] = used, used + left_out, float(np.median(own[known]))
+    return by_kind
 
 
 @dataclass(frozen=True, slots=True)
 class _Explanation:
-    """An error that all fixes may share, and the optimum without it."""
+    """A systematic error, and the optimum with fixes corrected by it."""
 
     error: Systematic
     fixes: "_Fixes"  # corrected
     at: Solution  # their optimum with the edges
     weights: np.ndarray  # (n, K) of the fixes there
     cost: float  # twice the negative logarithm of the likelihood
-    fits: bool  # whether a vehicle can have it, and fixes and edges fit then
+    fits: bool  # whether the error is plausible for a vehicle, and fixes and edges fit with it
 
     @property
-    def look(self) -> SharedError:
-        """What changes of the error would explain."""
+    def linearized(self) -> SharedError:
+        """The cost of changes of the error."""
         return self.fixes.shared_error(self.at, self.weights, self.error)
 
     def with_alternative(self, others: Sequence["_Explanation"]) -> "_Explanation":
-        """With one of the others that fits about as well and leaves the poses elsewhere, if there is any."""
-        close = (other for other in others if other.fits and other.cost < self.cost + _CLEARLY)
-        unclear = next((other.error for other in close if self.fixes.apart(self.at, other.at) > _ELSEWHERE), None)
+        """With one of the others as alternative, if it fits about as well and has other poses."""
+        close = (other for other in others if other.fits and other.cost < self.cost + _CLEAR_GAIN)
+        unclear = next((other.error for other in close if self.fixes.apart(self.at, other.at) > _OTHER_POSES), None)
         return replace(self, error=replace(self.error, alternative=unclear))
 
 
 def _explained(graph: PoseGraph, plain: _Explanation) -> _Explanation:
-    """The error that all fixes share: one kind, and others beside it as long as each explains clearly more.
+    """The systematic error of the fixes: one kind, and further kinds if each lowers the cost enough.
 
-    A tilt that nobody knows would be taken for a lever arm: then none is looked for. It is looked for beside the
-    `plain` optimum, and beside one of edges that count in full: one of these would rather give way than all fixes.
+    None is estimated if the tilt is unknown, as it would be taken for a lever arm. First steps are those at the `plain`
+    optimum, and at one with full weights of edges: otherwise one edge could give way instead of all fixes.
     """
-    if not plain.fixes.tell_tilt(plain.at):
+    if not plain.fixes.know_tilt(plain.at):
         return plain
     best = found = plain
-    looks, free = [plain.look, plain.fixes.shared_error(*_solved(graph, plain.fixes, edges_too=False))], ()
+    starts, free = [plain.linearized, plain.fixes.shared_error(*_solved(graph, plain.fixes, edges_too=False))], ()
     while True:
         tried: list[tuple[_Explanation, tuple[int, ...]]] = []
-        for kind in (kind for kind in KINDS_OF_ERROR if kind[0] not in free and plain.fixes.tell_error(kind)):
+        for kind in (kind for kind in KINDS_OF_ERROR if kind[0] not in free and plain.fixes.suffice_for(kind)):
             numbers = (*free, *kind)
-            fall, step = max((look.step(numbers) for look in looks), key=lambda look: look[0])
-            if fall >= _LOOKED_AT:
+            fall, step = max((look.step(numbers) for look in starts), key=lambda look: look[0])
+            if fall >= _MIN_FALL:
                 more = _explanation(graph, plain, best, step, numbers)
-                if best.cost - more.cost >= _EXPLAINS:
+                if best.cost - more.cost >= _MIN_GAIN:
                     tried.append((more, numbers))
         if not tried:
             return _without_needless(graph, plain, found)
         tried.sort(key=lambda each: (not each[0].fits, each[0].cost))
         best, free = tried[0]
-        looks = [best.look]
+        starts = [best.linearized]
         if best.fits:
             found = best.with_alternative([each for each, _ in tried[1:]])
 
 
 def _without_needless(graph: PoseGraph, plain: _Explanation, found: _Explanation) -> _Explanation:
-    """The explanation without kinds of error that the others, found later, make needless."""
+    """The explanation without kinds of error that later ones made unnecessary."""
     kinds = [kind for kind in KINDS_OF_ERROR if found.error.numbers[list(kind)].any()]
-    needed = [kind for kind in kinds if found.look.rise_without(kind, kinds, found.error) >= _EXPLAINS]
+    needed = [kind for kind in kinds if found.linearized.rise_without(kind, kinds, found.error) >= _MIN_GAIN]
     if not needed or len(needed) == len(kinds):
         return found
     free = tuple(number for kind in needed for number in kind)
@@ -184,25 +183,24 @@ def _without_needless(graph: PoseGraph, plain: _Explanation, found: _Explanation
 def _explanation(
     graph: PoseGraph, plain: _Explanation, before: _Explanation, step: np.ndarray, free: tuple[int, ...]
 ) -> _Explanation:
-    """The error of the `free` numbers, by Gauss-Newton steps from the one `before` on, the first of them given."""
+    """The error with optimal `free` numbers, by Gauss-Newton from the error `before` and the first `step`."""
     error, fixes, at, weights = before.error, before.fixes, before.at, before.weights
-    for _ in range(_STEPS):
+    for _ in range(_MAX_STEPS):
         error = Systematic(*(error.numbers + step).tolist())
         fixes = plain.fixes.corrected(error, at.trajectory)
         at, weights = _solved(graph, fixes)
         _, step = fixes.shared_error(at, weights, error).step(free)
-        if np.abs(step).max() < _STILL * np.abs(error.numbers).max():
+        if np.abs(step).max() < _MIN_STEP * np.abs(error.numbers).max():
             break
-    # where edges are wrong, as over a flat bed, or some fixes are, some arm explains a part; one that is there puts no
-    # strain on edges
+    # a lever arm may also explain some wrong fixes or edges, as over a flat bed; a real one makes no edge fit worse
     fits = error.is_likely and _strained(at) <= _strained(plain.at)
     fits = fits and fixes.fit(at.trajectory.T_world_sensor, _EXPLAINED)
     return _Explanation(error, fixes, at, weights, fixes.cost(at) + error.unlikeliness, fits)
 
 
 def _strained(solution: Solution) -> int:
-    """How many edges are farther off than one of 10,000 right ones."""
-    return int((solution.graph.residuals() ** 2 > chi_squared_beyond(_RARELY, 6)).sum())
+    """Number of edges that are farther off than 1 of 10,000 right ones."""
+    return int((solution.graph.residuals() ** 2 > chi_squared_beyond(_FAR, 6)).sum())
 
 
 def _solved(graph: PoseGraph, fixes: "_Fixes", edges_too: bool = True) -> tuple[Solution, np.ndarray]:
@@ -214,7 +212,7 @@ def _solved(graph: PoseGraph, fixes: "_Fixes", edges_too: bool = True) -> tuple[
     def weights_at(graph: PoseGraph) -> np.ndarray:
         return np.where(fixes.known, fixes.weights_at(graph.trajectory.T_world_sensor), 1.0)
 
-    # a fix far off would tear its scan from the edges, did it count in full first; those may be wrong as well
+    # far fixes begin with a low weight: with full weight they would pull scans off their edges, which can be wrong too
     start = weights_at(graph)
     start /= np.where(fixes.known, start, 0.0).max(axis=0, initial=1e-12)
     return reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too)
@@ -227,38 +225,38 @@ def reweighted(
     weights_at: Callable[[PoseGraph], np.ndarray],
     edges_too: bool = False,
 ) -> tuple[Solution, np.ndarray]:
-    """The optimum, and the measurements' weights there: `weighed` gives a graph whose measurements count by these, and
-    `weights_at` the weights by how far a graph's poses are from what was measured."""
+    """The optimum and the measurements' weights there; `weighed` gives a graph whose measurements have given weights,
+    `weights_at` the weights by the distance of a graph's poses from the measurements."""
     solution, scale_factors = None, np.ones(len(graph.edges))
     of_edges = 1 / scale_factors
-    for _ in range(_REWEIGHTED):
+    for _ in range(_MAX_ROUNDS):
         scale_factors = 1 / of_edges
         solution = weighed(graph, weights).optimize(covariances=False, scale_factors=scale_factors)
         graph = graph.at(solution.trajectory.T_world_sensor)
         if edges_too:
             of_edges = np.minimum(1.0, (TAILS + 6) / (TAILS + solution.residuals**2 / of_edges))
         before, weights = weights, weights_at(graph)
-        if np.abs(weights - before).max() < _SETTLED:
+        if np.abs(weights - before).max() < _MIN_CHANGE:
             break
     assert solution is not None
     return solution.with_covariances(scale_factors), weights
 
 
 def sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:
-    """How far a measurement is from the estimate [sigmas], where that is farther than both are unsure."""
+    """Mahalanobis distance of a measurement from the estimate; None if a right one can be as far off."""
     squared = float(apart @ np.linalg.solve(covariance, apart))
-    return float(np.sqrt(squared)) if squared > chi_squared_beyond(_RARE, len(apart)) else None
+    return float(np.sqrt(squared)) if squared > chi_squared_beyond(_WRONG, len(apart)) else None
 
 
 @dataclass(frozen=True, slots=True)
 class _Fixes:
-    """What was measured of n poses, by the K kinds of KINDS."""
+    """Fixes of n poses, of the K kinds of KINDS."""
 
     poses: np.ndarray  # (n,) int
     priors: tuple[PosePrior, ...]  # n
     measured: MeasuredPoses
     sigmas: np.ndarray  # (n, 6) as of a `PosePrior`
-    known: np.ndarray  # (n, K) bool, what was measured
+    known: np.ndarray  # (n, K) bool, whether the kind was measured
 
     @classmethod
     def of(cls, priors: Mapping[int, PosePrior]) -> "_Fixes":
@@ -269,14 +267,14 @@ class _Fixes:
         return cls(measured.poses, those, measured, sigmas, known)
 
     def weighed(self, weights: np.ndarray) -> list[PosePrior]:
-        """The priors with what weighs less, (n, K), less sure."""
+        """The priors with sigmas enlarged by (n, K) weights."""
         sigmas = self.sigmas.copy()
         for kind, numbers in enumerate(KINDS.values()):
             sigmas[:, numbers] /= np.sqrt(weights[:, kind, None])
         return [replace(prior, sigmas=own) for prior, own in zip(self.priors, sigmas, strict=True)]
 
     def scaled(self, factors: np.ndarray) -> "_Fixes":
-        """With (K,) times larger standard deviations."""
+        """With standard deviations multiplied by (K,) factors."""
         if (factors == 1).all():
             return self
         sigmas = self.sigmas.copy()
@@ -285,23 +283,23 @@ class _Fixes:
         priors = tuple(replace(prior, sigmas=own.copy()) for prior, own in zip(self.priors, sigmas, strict=True))
         return replace(self, priors=priors, sigmas=sigmas)
 
-    def tell_tilt(self, solution: Solution) -> bool:
-        """Whether attitudes were measured, or the tilt is about as sure by the rest."""
+    def know_tilt(self, solution: Solution) -> bool:
+        """Whether attitudes were measured, or the tilt is certain by other measurements."""
         if self.known[:, 0].any():
             return True
         if any(free[:2].any() for free in solution.graph.gauge.unmeasured.values()):
             return False
         R = solution.trajectory.T_world_sensor.rotation.as_matrix()
         in_world = R @ solution.covariances()[:, :3, :3] @ R.swapaxes(1, 2)
-        return float(np.linalg.eigvalsh(in_world[self.poses, :2, :2])[:, -1].min()) <= _SURE_TILT**2
+        return float(np.linalg.eigvalsh(in_world[self.poses, :2, :2])[:, -1].min()) <= _MAX_TILT_SIGMA**2
 
-    def tell_error(self, free: tuple[int, ...]) -> bool:
-        """Whether enough was measured to tell an error of these numbers."""
+    def suffice_for(self, free: tuple[int, ...]) -> bool:
+        """Whether there are enough fixes to estimate an error of these numbers."""
         _, headed, placed, _ = self.known.sum(axis=0)
-        return bool(placed >= _FEWEST and (2 not in free or headed >= _FEWEST))
+        return bool(placed >= _MIN_FIXES and (2 not in free or headed >= _MIN_FIXES))
 
     def shared_error(self, at: Solution, weights: np.ndarray, error: Systematic | None = None) -> SharedError:
-        """What all may be off by, beside their optimum with (n, K) weights; `error`: what was taken off before."""
+        """The cost of a systematic error at the optimum with (n, K) weights; `error` is already corrected."""
         precisions = np.zeros((len(self.poses), 6))
         for kind, numbers in enumerate(KINDS.values()):
             precisions[:, numbers] = np.where(self.known[:, kind], weights[:, kind], 0.0)[:, None]
@@ -310,20 +308,20 @@ class _Fixes:
         return SharedError.of(at.trajectory, at.information(), self.poses, residuals, precisions, error or Systematic())
 
     def apart(self, one: Solution, other: Solution) -> float:
-        """How far the measured poses of two optima are apart in the mean [sigmas of the positions]."""
+        """Mean distance between the measured poses of two optima [sigmas of the positions]."""
         places = (each.trajectory.T_world_sensor.translation[self.poses, :2] for each in (one, other))
         far = np.linalg.norm(np.subtract(*places), axis=1) / self.sigmas[:, 3:5].mean(axis=1)
         return float(far.mean())
 
     def cost(self, solution: Solution) -> float:
-        """Of the edges and these: twice the negative logarithm of the likelihood of their tails."""
+        """Twice the negative logarithm of the likelihood of edges and fixes, by Student's t."""
         squared = self._squared(solution.trajectory.T_world_sensor)
         of_fixes = ((TAILS + _SIZES) * np.log1p(squared / TAILS))[self.known].sum()
         of_edges = ((TAILS + 6) * np.log1p(solution.graph.residuals() ** 2 / TAILS)).sum()
         return float(of_fixes + of_edges)
 
     def corrected(self, error: Systematic, at: Trajectory) -> "_Fixes":
-        """Without what all are off by, beside an estimate of all poses."""
+        """Without a systematic error; `at` is an estimate of all poses."""
         T = error.corrected(RigidTransform.concatenate([p.T_world_sensor for p in self.priors]), at, self.poses)
         return _Fixes.of(
             {
@@ -333,37 +331,37 @@ class _Fixes:
         )
 
     def weights_at(self, T_world_sensor: RigidTransform) -> np.ndarray:
-        """(n, K) weights by how far the poses are from what was measured, beside what most of the kind are."""
+        """(n, K) weights by the distance of poses from fixes, relative to the median one of each kind."""
         usual = np.maximum(1.0, self._usual(sums := self._squared(T_world_sensor)))
         return np.minimum(1.0, (TAILS + _SIZES) / (TAILS + sums / usual)) / usual
 
     def understated(self, T_world_sensor: RigidTransform) -> np.ndarray:
-        """(K,) by how much larger the errors of each kind are than stated, 1 where they are about as stated."""
+        """(K,) ratio of actual to stated errors of each kind, 1 if they are about as stated."""
         factors = np.sqrt(self._usual(self._squared(T_world_sensor)))
-        return np.where(factors >= _UNDERSTATED, factors, 1.0)
+        return np.where(factors >= _UNDERESTIMATED, factors, 1.0)
 
     def fit(self, T_world_sensor: RigidTransform, kinds: Sequence[int]) -> bool:
-        """Whether most measurements of these kinds are about as far from the poses as was stated, and few farther."""
-        far = (self._squared(T_world_sensor) > chi_squared_beyond(_RARELY, _SIZES)) & self.known
-        few = far.sum(axis=0) <= _MOST_LEFT * self.known.sum(axis=0)
+        """Whether fixes of these kinds have about the stated errors, and few are far off."""
+        far = (self._squared(T_world_sensor) > chi_squared_beyond(_FAR, _SIZES)) & self.known
+        few = far.sum(axis=0) <= _MAX_FAR_SHARE * self.known.sum(axis=0)
         return bool(((self.understated(T_world_sensor) == 1) & few)[list(kinds)].all())
 
     def _squared(self, T_world_sensor: RigidTransform) -> np.ndarray:
-        """(n, K) chi-squared of what was measured."""
+        """(n, K) chi-squared of the fixes."""
         squared = (self.residuals(T_world_sensor) / self.sigmas) ** 2
         return np.column_stack([squared[:, numbers].sum(axis=1) for numbers in KINDS.values()])
 
     def _usual(self, squared: np.ndarray) -> np.ndarray:
-        """(K,) the variance that half of each kind show, over the stated; 1 of too few."""
-        enough = self.known.sum(axis=0) >= _FEWEST
+        """(K,) ratio of the actual to the stated variance by the median of each kind; 1 for too few fixes."""
+        enough = self.known.sum(axis=0) >= _MIN_FIXES
         middle = [
             np.median(own[known]) if many else 0.0
             for own, known, many in zip(squared.T, self.known.T, enough, strict=True)
         ]
-        return np.where(enough, np.array(middle) / _MIDDLE, 1.0)
+        return np.where(enough, np.array(middle) / _MEDIANS, 1.0)
 
     def residuals(self, T_world_sensor: RigidTransform) -> np.ndarray:
-        """(n, 6) how far poses are from what was measured, as errors of a `PosePrior` [rad, m]."""
+        """(n, 6) residuals of the fixes, as errors of a `PosePrior` [rad, m]."""
         return self.measured.residuals(T_world_sensor[self.poses])
 
 
@@ -386,14 +384,15 @@ def _wrong_fixes(solution: Solution, fixes: _Fixes, weights: np.ndarray) -> tupl
 
 
 def _too_many(wrong: Sequence[WrongFix], fixes: _Fixes) -> bool:
-    """Whether so many fixes of a kind seem wrong that rather the edges are."""
+    """Whether too many fixes of a kind seem wrong: then the edges are."""
     return any(
-        sum(fix.kind == name for fix in wrong) > _MOST * fixes.known[:, kind].sum() for kind, name in enumerate(KINDS)
+        sum(fix.kind == name for fix in wrong) > _MAX_WRONG * fixes.known[:, kind].sum()
+        for kind, name in enumerate(KINDS)
     )
 
 
 def without_kinds(prior: PosePrior, kinds: Collection[str]) -> PosePrior | None:
-    """A prior without some kinds of KINDS; None where nothing is left."""
+    """A prior without some kinds of KINDS; None if it has no others."""
     if not kinds:
         return prior
     sigmas = prior.sigmas.copy()
