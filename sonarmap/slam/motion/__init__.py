@@ -1,5 +1,5 @@
-"""How the vehicle moves from scan to scan.
+"""The vehicle's motion from scan to scan.
 
-In: registrations of consecutive scans that are sure, and their stamps. Out: where a scan is expected, and which
-registrations contradict that.
+In: accepted registrations of consecutive scans, and their stamps. Out: expected poses of scans, and the registrations
+that contradict them.
 """

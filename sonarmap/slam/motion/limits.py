@@ -1,4 +1,4 @@
-"""What a vehicle cannot exceed, where a user knows."""
+"""Limits of a vehicle's motion, stated by a user."""
 
 from dataclasses import dataclass
 from math import inf, pi
@@ -8,10 +8,10 @@ from sonarmap.kernels.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """How fast a vehicle moves at most; infinite where that is not known.
+    """The largest motion of a vehicle; infinite where unknown.
 
     Attributes:
-        speed: [m/s]; it and the turn rate need stamps that tell times.
+        speed: [m/s]; like the turn rate, it needs stamps that are times.
         turn_rate: about any axis [rad/s].
         step: between consecutive scans [m].
 
@@ -34,11 +34,11 @@ class MotionLimits:
         return min(self.speed, self.turn_rate, self.step) < inf
 
     def way(self, time: float, scans: int) -> float:
-        """How far the vehicle gets [m] in some time [s], in which it takes so many more scans."""
+        """The largest distance [m] in a time [s] and a number of scans."""
         return min(self.speed * time, self.step * scans)
 
     def turn(self, time: float) -> float:
-        """How far it turns [rad], at most pi."""
+        """The largest rotation [rad] in a time [s], at most pi."""
         return min(self.turn_rate * time, pi)
 
 

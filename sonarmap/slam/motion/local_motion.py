@@ -1,4 +1,4 @@
-"""How a vehicle moves at a time, by the steps before and behind: what it does varies little by little."""
+"""A vehicle's local motion, predicted from the steps before and after, as motion changes gradually."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,10 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.geometry import rotated
 
-# That steps in a row have nothing in common is assumed before any is seen, as firmly as so many of them would tell it.
-_ASSUMED = 4.0
-# Steps are never more alike than this.
-_MOST_ALIKE = 0.99
+_PRIOR_STEPS = 4.0  # weight of the assumption that consecutive steps are uncorrelated [steps]
+_MAX_CORRELATION = 0.99  # of consecutive steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +20,11 @@ class Step:
 
     k: int  # number of its first scan
     rate: np.ndarray  # (6,) rotation vector and translation in the first scan's axes, per unit of time [rad, m]
-    covariance: np.ndarray  # (6, 6) of the rate, as the registration tells it
+    covariance: np.ndarray  # (6, 6) of the rate, by the registration
 
     @classmethod
     def of(cls, pair: RegisteredPair, times: np.ndarray) -> "Step":
-        """Of a pair that has been registered; `times` (N,) are the scans'."""
+        """Of a registered pair; `times` (N,) are those of the scans."""
         assert pair.registration is not None
         span, T = float(times[pair.j] - times[pair.i]), pair.registration.T_target_source
         return cls(pair.i, rate_of(T) / span, rotated(T.rotation, pair.registration.covariance) / span**2)
@@ -38,8 +36,8 @@ def rate_of(T: RigidTransform) -> np.ndarray:
 
 
 def likeness(steps: Sequence[Step], varied: np.ndarray, surveys: np.ndarray) -> np.ndarray:
-    """(6,) correlation of each number of ascending steps in a row, 0 to 0.99; `varied` (6,) is the rates' variance,
-    `surveys` (N,) the number of each scan's survey."""
+    """(6,) correlation of each number of consecutive steps, 0 to 0.99; steps ascend, `varied` (6,) is the variance of
+    their rates, `surveys` (N,) the number of each scan's survey."""
     rows = [(a, b) for a, b in pairwise(steps) if b.k == a.k + 1 and surveys[a.k] == surveys[b.k]]
     if not rows:
         return np.zeros(6)
@@ -47,7 +45,7 @@ def likeness(steps: Sequence[Step], varied: np.ndarray, surveys: np.ndarray) -> 
     known = np.array([np.diag(a.covariance) + np.diag(b.covariance) for a, b in rows]) <= 2 * varied
     count = known.sum(axis=0)
     half = np.where(known, change, 0.0).sum(axis=0) / np.maximum(2 * count, 1)
-    return count / (count + _ASSUMED) * np.clip(1 - half / varied, 0.0, _MOST_ALIKE)
+    return count / (count + _PRIOR_STEPS) * np.clip(1 - half / varied, 0.0, _MAX_CORRELATION)
 
 
 def rates_by_others(
@@ -58,16 +56,16 @@ def rates_by_others(
     times: np.ndarray,
     surveys: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(N - 1, 6) the rates from every scan to the next, and their variances; each by all steps but the one itself.
+    """(N - 1, 6) rates from every scan to the next, and their variances; each predicted from all other steps.
 
-    What the rates differ from the usual by is taken for Ornstein-Uhlenbeck processes, which steps measure that leave
-    directions open, too. What is before a step is filtered forward, what is behind it backward, and both are combined
-    (Fraser and Potter, DOI 10.1109/TAC.1969.1099196).
+    The deviations of rates from the usual one are Ornstein-Uhlenbeck processes, measured by the steps, also by those
+    with unconstrained directions. A forward filter over the steps before and a backward filter over the steps after are
+    combined (Fraser and Potter, DOI 10.1109/TAC.1969.1099196).
 
     Args:
         steps: ascending.
         usual, varied: (6,) mean and variance of the rates.
-        alike: (6,) their correlation in steps in a row.
+        alike: (6,) their correlation between consecutive steps.
         times: (N,) of the scans, ascending within a survey.
         surveys: (N,) the number of each scan's survey.
     """
@@ -80,11 +78,11 @@ def rates_by_others(
     for first, last in zip([0, *(k + 1 for k in borders)], [*borders, count], strict=True):
         rows = range(first, last)
         before = _filtered(rows, measured, varied, alike, middle)
-        behind = reversed(list(_filtered(rows[::-1], measured, varied, alike, middle)))
-        for k, (mean_before, spread_before), (mean_behind, spread_behind) in zip(rows, before, behind, strict=True):
-            a, b = np.linalg.inv(spread_before), np.linalg.inv(spread_behind)
+        after = reversed(list(_filtered(rows[::-1], measured, varied, alike, middle)))
+        for k, (mean_before, spread_before), (mean_after, spread_after) in zip(rows, before, after, strict=True):
+            a, b = np.linalg.inv(spread_before), np.linalg.inv(spread_after)
             covariance = np.linalg.inv(a + b - np.diag(1 / varied))
-            rates[k] += covariance @ (a @ mean_before + b @ mean_behind)
+            rates[k] += covariance @ (a @ mean_before + b @ mean_after)
             variances[k] = np.diag(covariance)
     return rates, variances
 
@@ -96,8 +94,8 @@ def _filtered(
     alike: np.ndarray,
     middle: np.ndarray,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Mean (6,) and covariance (6, 6) of what each row differs from the usual by, as the rows before it tell; `middle`
-    are the times of all steps, in usual times between scans."""
+    """Mean (6,) and covariance (6, 6) of each row's deviation from the usual rate, predicted from the rows before it;
+    `middle` are the mean times of all steps [median intervals]."""
     mean, spread = np.zeros(6), np.diag(varied)
     for n, k in enumerate(rows):
         if n:

@@ -1,4 +1,4 @@
-"""Scans that were bent by the sensor's motion while it took them, straightened by the way that a map has found."""
+"""Straightening of scans that the sensor's motion bent while it took them, by the trajectory of a map."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,37 +13,36 @@ from sonarmap.slam.pair import Pair
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 
-_FEWEST = 4  # scans in a row that tell how the sensor moved
-# A scan takes no longer than to the next one, but for this share; else stamps and times are of different clocks.
-_LONGER = 1.2
+_MIN_SCANS = 4  # of a run that shows the sensor's motion
+_MAX_DURATION = 1.2  # of a scan [intervals]; with longer ones, stamps and times are of different clocks
 _IN_MEMORY = 1 << 26  # bytes of straightened points; the others are on disk
-_MOST = 0.95  # of a scan's points this share moves by less than what is said of it
+_MOST = 0.95  # share of a scan's points that are moved by no more than the reported distance
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """By which way a map's N scans were straightened, so that they can be again."""
+    """The trajectory by which a map's N scans were straightened, to straighten them again."""
 
-    trajectory: Trajectory  # their N poses, as of the map before
-    runs: tuple[tuple[int, ...], ...]  # scans that are one way
-    bent: bool  # whether these are the poses of scans as they were taken
-    turned: bool  # whether turn rates helped
+    trajectory: Trajectory  # their N poses in the map before
+    runs: tuple[tuple[int, ...], ...]  # scans of one continuous trajectory each
+    bent: bool  # whether the poses are of the original scans
+    turned: bool  # whether turn rates were used
 
 
 @dataclass(frozen=True, slots=True)
 class Straightened:
-    """N scans."""
+    """N scans after straightening."""
 
-    scans: tuple[Scan, ...]  # those whose way is known with their points where they were at the stamp, without times
-    moved: np.ndarray  # (N,) by how much [m] all but a few of their points were moved; 0 of those that stay
+    scans: tuple[Scan, ...]  # straightened ones have all points in the frame at the stamp, and no times
+    moved: np.ndarray  # (N,) distance [m] by which most of their points were moved at most; 0 if unchanged
 
     @classmethod
     def none(cls, scans: Sequence[Scan]) -> "Straightened":
-        """The scans as they were taken."""
+        """The original scans."""
         return cls(tuple(scans), np.zeros(len(scans)))
 
     def farthest_from(self, other: "Straightened") -> float:
-        """By how much [m] all but a few points differ, of the scan of which they differ most."""
+        """The largest distance [m], over all scans, by which most points differ at most."""
         both = zip(self.scans, other.scans, strict=True)
         return max((_apart(one.points, another.points) for one, another in both if one is not another), default=0.0)
 
@@ -56,22 +55,22 @@ def straightened(
     bent: bool = False,
     turn_rates: TurnRates | None = None,
 ) -> Straightened:
-    """The scans whose points have times, each point where the sensor's frame at the stamp has it.
+    """The scans, with each point that has a time in the sensor's frame at the stamp.
 
     Args:
-        scans: N, as they were taken.
+        scans: N original ones.
         trajectory: their N poses.
-        runs: scans that are one way, in the order of their stamps, which ascend.
-        seen_from: points of a scan in which the sensor moves farther than this [m] say where it was.
-        bent: whether these are the poses of scans as they were taken: one that is bent lies best where the sensor was
-            in the middle of it.
+        runs: scans of one continuous trajectory each, with ascending stamps.
+        seen_from: the sensor's motion within a scan [m] from which its points get viewpoints.
+        bent: whether the poses are of the original scans: a bent scan fits best where the sensor was in the middle of
+            it.
         turn_rates: of the sensor, or None.
     """
     straight, moved, store = list(scans), np.zeros(len(scans)), PointStore(_IN_MEMORY)
     for run in runs:
         spans = [float(np.ptp(times)) for k in run if (times := scans[k].times) is not None]
         steps = np.diff(trajectory.stamps[list(run)])
-        if len(run) < _FEWEST or not spans or np.median(spans) > _LONGER * np.median(steps):
+        if len(run) < _MIN_SCANS or not spans or np.median(spans) > _MAX_DURATION * np.median(steps):
             continue
         knots = trajectory.take(run)
         if bent:
@@ -85,13 +84,13 @@ def straightened(
             if (times := scans[k].times) is None:
                 continue
             stamp = float(trajectory.stamps[k])
-            asked, which = np.unique(np.append(stamp, stamp + times.astype(np.float64)), return_inverse=True)
-            if asked[0] < first or asked[-1] > last:
+            times_seen, which = np.unique(np.append(stamp, stamp + times.astype(np.float64)), return_inverse=True)
+            if times_seen[0] < first or times_seen[-1] > last:
                 continue
-            T = way.at(asked)[0].T_world_sensor
+            T = way.at(times_seen)[0].T_world_sensor
             T_stamp_time = T[int(which[0])].inv() * T
-            if way.turned is not None:  # within a scan it errs less than what the scans' own poses leave over
-                R = way.turned.at(asked)
+            if way.turned is not None:  # within a scan, turn rates are more accurate than the poses of scans
+                R = way.turned.at(times_seen)
                 T_stamp_time = RigidTransform.from_components(T_stamp_time.translation, R[int(which[0])].inv() * R)
             scan, moved[k] = _straight(scans[k], T_stamp_time, which[1:], seen_from)
             viewpoints = None if scan.viewpoints is None else store.keep(scan.viewpoints)
@@ -100,7 +99,7 @@ def straightened(
 
 
 def _straight(scan: Scan, T_stamp_time: RigidTransform, which: np.ndarray, seen_from: float) -> tuple[Scan, float]:
-    """A scan whose point n was seen at pose `which[n]`, and how far its points were moved."""
+    """A scan whose point n was seen from pose `which[n]`, straightened, and the distance by which its points moved."""
     T = T_stamp_time[which]
     points = T.apply(scan.points.astype(np.float64))
     moved = _apart(points, scan.points)
@@ -112,12 +111,12 @@ def _straight(scan: Scan, T_stamp_time: RigidTransform, which: np.ndarray, seen_
 
 
 def _apart(points: np.ndarray, others: np.ndarray) -> float:
-    """By how much [m] all but a few of (M, 3) points are moved."""
+    """Distance [m] by which most of (M, 3) points differ at most."""
     return float(np.quantile(np.linalg.norm(points - others, axis=1), _MOST))
 
 
 def ways(components: Sequence[Sequence[int]], surveys: Sequence[int], stamps: np.ndarray) -> list[list[int]]:
-    """Scans of one part and one survey in a row, as far as their stamps [s] ascend."""
+    """Runs of scans of one component and survey, with ascending stamps [s]."""
     found: list[list[int]] = []
     for members in components:
         run: list[int] = []
@@ -131,8 +130,8 @@ def ways(components: Sequence[Sequence[int]], surveys: Sequence[int], stamps: np
 
 
 def sharper(pairs: Sequence[Pair], before: Sequence[Pair]) -> float:
-    """How much sharper scans match than before: the logarithm of the ratio of their peaks, in the median of the pairs
-    that were accepted both times; 0 where none were. Consecutive scans alone would not say: they are bent alike."""
+    """How much sharper scans match than before: the median logarithm of the ratio of peaks, over pairs accepted both
+    times; 0 without any. Loops are included, as consecutive scans are bent in the same way, and match even so."""
     peaks = [{p.scans: p.registration.psr for p in each if p.accepted and p.registration} for each in (pairs, before)]
     both = peaks[0].keys() & peaks[1].keys()
     return float(np.median([np.log(peaks[0][scans] / peaks[1][scans]) for scans in both])) if both else 0.0

@@ -1,4 +1,4 @@
-"""What a gyroscope measured of the sensor's turning, and how far it had turned by that at any time."""
+"""Turn rates that a gyroscope measured, and the sensor's rotation by them at any time."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,14 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 
-_ROUNDS = 2  # in which a bias is told from what is left over
-_FEWEST = 3  # samples with second differences
-_LONGEST = 0.5  # gap between samples, in usual steps of the knots
+_ROUNDS = 2  # of estimating the bias
+_MIN_SAMPLES = 3  # that have second differences
+_MAX_GAP = 0.5  # between samples [median intervals of the scans]
 
 
 @dataclass(frozen=True, slots=True)
 class TurnRates:
-    """Turn rates as they were measured.
+    """Measured turn rates.
 
     Attributes:
         times: (m,) [s], by the clock of the scans' stamps, ascending.
@@ -37,15 +37,15 @@ class TurnRates:
             )
 
     def cover(self, stamps: np.ndarray) -> bool:
-        """Whether they are known all along (n,) ascending stamps [s], without a long gap."""
+        """Whether the samples cover (n,) ascending stamps [s] without a long gap."""
         first, last = np.searchsorted(self.times, stamps[[0, -1]])
         known = np.clip(self.times[max(first - 1, 0) : last + 1], stamps[0], stamps[-1])
         gaps = np.diff(np.concatenate([stamps[:1], known, stamps[-1:]]))
-        return bool(gaps.max() < _LONGEST * np.median(np.diff(stamps)))
+        return bool(gaps.max() < _MAX_GAP * np.median(np.diff(stamps)))
 
     def turned(self, stamps: np.ndarray, R_world_sensor: Rotation) -> "Turned":
-        """The turning that they show, without the constant bias that (n,) rotations at stamps [s] show; of the time
-        from a step before the first stamp to a step behind the last."""
+        """The rotation by the rates less their constant bias, from (n,) rotations at stamps [s]; it covers the stamps
+        and one interval before and after."""
         spans = np.diff(stamps)
         first, last = np.searchsorted(self.times, (stamps[0] - spans[0], stamps[-1] + spans[-1]))
         times, rates = self.times[first:last], self.rates[first:last]
@@ -58,7 +58,7 @@ class TurnRates:
 
 @dataclass(frozen=True, slots=True)
 class Turned:
-    """How far a sensor has turned since the first of some samples; between them its rate is linear, beyond constant."""
+    """Rotation of a sensor since the first of m samples; the rate is linear between them, and constant beyond."""
 
     times: np.ndarray  # (m,) of the samples [s]
     rates: np.ndarray  # (m, 3) [rad/s]
@@ -66,14 +66,14 @@ class Turned:
 
     @property
     def wander(self) -> float:
-        """By how much the samples' noise lets the angles wander [rad^2/s]: white, as second differences show it."""
-        if len(self.times) < _FEWEST:
+        """Density of the angles' random walk [rad^2/s]: white noise of the samples, by their second differences."""
+        if len(self.times) < _MIN_SAMPLES:
             return 0.0
         return float((np.diff(self.rates, 2, axis=0) ** 2).mean() / 6 * np.median(np.diff(self.times)))
 
     @classmethod
     def by(cls, times: np.ndarray, rates: np.ndarray) -> "Turned":
-        """By (m, 3) rates [rad/s] at (m,) times [s]."""
+        """The integral of (m, 3) rates [rad/s] at (m,) times [s]."""
         steps = np.diff(times)[:, None] * (rates[1:] + rates[:-1]) / 2
         turns, reach = Rotation.from_rotvec(np.concatenate([np.zeros((1, 3)), steps])).as_quat(), 1
         while reach < len(turns):  # products of 2, 4, 8, ... steps
