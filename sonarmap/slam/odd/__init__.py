@@ -1,5 +1,5 @@
-"""Scans whose axes or lengths do not go with those of their neighbors.
+"""Faulty scans: mirrored, in another unit, or in another scale.
 
-In: registered pairs, and who registers more. Out: the scans that fit once they are mirrored or scaled, each with what
-it takes, and a group of scans whose ranges are longer or shorter than the others'.
+In: registered pairs, and a runner that registers more. Out: the faulty scans, each with the change with which it fits,
+and a group of scans whose ranges are longer or shorter than those of the others.
 """

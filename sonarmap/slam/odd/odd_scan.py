@@ -1,4 +1,4 @@
-"""A scan that goes with its neighbors only once it is changed, and the changes that are tried."""
+"""A faulty scan, and the changes with which it may fit its neighbors."""
 
 from dataclasses import dataclass, replace
 
@@ -11,13 +11,13 @@ FOOT = 0.3048  # [m]
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What is done to a scan's points, and to where they were seen from: mirrored along axes, and multiplied."""
+    """A change of a scan's points and viewpoints: mirrored along axes, and scaled."""
 
-    axes: str = ""  # those of "xyz" whose signs are changed
+    axes: str = ""  # of "xyz", whose signs change
     factor: float = 1.0  # of all lengths
 
     def of(self, scan: Scan) -> Scan:
-        """The scan, changed; its prior is of the vehicle, and stays."""
+        """The changed scan; its prior, which is the vehicle's, stays."""
         by = np.array([-self.factor if axis in self.axes else self.factor for axis in "xyz"], np.float32)
         seen_from = None if scan.viewpoints is None else scan.viewpoints * by
         return replace(scan, points=scan.points * by, viewpoints=seen_from)
@@ -25,7 +25,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class OddScan:
-    """A scan that no other fits, and that was left out.
+    """A faulty scan, which was left out.
 
     Attributes:
         scan: its number.
@@ -37,7 +37,7 @@ class OddScan:
 
     @property
     def kind(self) -> str:
-        """What it seems to be: "mirrored", "feet", or "meters" where the others are in feet."""
+        """ "mirrored", "feet", or "meters" among scans in feet."""
         if self.change.axes:
             return "mirrored"
         return "feet" if self.change.factor < 1 else "meters"

@@ -1,7 +1,7 @@
 """Groups of scans whose ranges are longer or shorter than those of the others, as by another speed of sound.
 
-The steps of a registration cover a part of the share by which a scan is too long, and this part differs between scenes.
-So these estimates show which scans differ; registrations with these scans changed by a known share show by how much.
+Registrations estimate only a part of the share by which a scan is too long, and this part differs between scenes. Their
+estimates show which scans differ; registrations with these scans changed by a known share calibrate the estimates.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,13 +16,13 @@ from sonarmap.spectral.chi_squared import chi_squared_beyond
 from sonarmap.spectral.scan import Scan
 
 MIN_SCALE = 0.01  # share of the ranges
-MIN_OVERLAP = 0.3  # pairs that share less hardly show a scale
-MIN_SIGMA = 4e-4  # the estimates of right scans scatter by this share or more
+MIN_OVERLAP = 0.3  # of a pair that shows a scale
+MIN_SIGMA = 4e-4  # scatter of the estimates of right scans [share of the ranges]
 FALSE_ALARMS = 1e-6  # probability that scatter alone makes a group of a survey suspicious
 MIN_SIGMAS = 5.0  # standard deviations by which the measured share differs from 0
 MIN_PAIRS, MAX_PAIRS = 3, 10  # between the group and the others
 TRIED = 0.03  # share by which a suspicious group is changed
-SYSTEMATIC = 0.1  # standard deviation of the measured share by itself, as responses are not linear
+SYSTEMATIC = 0.1  # relative standard deviation of the measured share, as responses are not linear
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ def find_scaled(runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[Regis
 
     Args:
         runner: of the scans.
-        pairs: that are right, of one component, consecutive ones first.
+        pairs: accepted ones of one component, consecutive ones first.
     """
     shown = {pair.scans: share for pair in pairs if (share := _longer(pair)) is not None}
     if len(shown) < MIN_PAIRS:
@@ -60,16 +60,16 @@ def find_scaled(runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[Regis
 
 @dataclass(frozen=True, slots=True)
 class _Shares:
-    """By which shares the ranges of scans seem to differ, by P pairs."""
+    """Shares by which the ranges of scans seem to differ, by P pairs."""
 
     scans: np.ndarray  # (P, 2) target and source
-    longer: np.ndarray  # (P,) of the source against the target, a part of the true share
+    longer: np.ndarray  # (P,) of the source relative to the target, a part of the true share
 
     def group(self, count: int) -> np.ndarray:
-        """(N,) bool, the scans of the division that explains the shares best; none where scatter may.
+        """(N,) bool, the group whose scale explains the shares best; empty if scatter may explain them.
 
-        Divided step by step: one scan, all scans up to it, or every second scan change sides, as long as that explains
-        clearly more. A run of scans in the middle takes two steps.
+        In each step one scan, all scans up to it, or every second scan change sides, as long as that explains clearly
+        more. A run of scans in the middle takes two steps.
         """
         group, explained = np.zeros(count, bool), 0.0
         while True:
@@ -87,9 +87,9 @@ class _Shares:
         """Squares of the shares that a scale of the group explains, and the variance of the others without outliers."""
         across = self.across(group)
         between = max(float(across @ across), 1.0)
-        left = np.abs(self.longer - across * (across @ self.longer) / between)
-        sigma = max(1.48 * float(np.median(left)), MIN_SIGMA)
-        variance = max(float(np.mean(np.minimum(left, 3 * sigma) ** 2)), sigma**2)
+        rest = np.abs(self.longer - across * (across @ self.longer) / between)
+        sigma = max(1.48 * float(np.median(rest)), MIN_SIGMA)
+        variance = max(float(np.mean(np.minimum(rest, 3 * sigma) ** 2)), sigma**2)
         return float((across @ self.longer) ** 2 / between) if between >= MIN_PAIRS else 0.0, variance
 
 
@@ -118,12 +118,12 @@ def _measured(
     beside = runner.beside([Change(factor=float(np.exp(-tried))).of(scans[k]) for k in sources], sources)
     changed = {k: len(scans) + n for n, k in enumerate(sources)}
     again = map(_longer, beside.register([Candidate(i, changed[k], "loop") for i, k in ends.tolist()]))
-    both = [(share, left) for share, left in zip(before.tolist(), again, strict=True) if left is not None]
-    share, left = np.array(both).reshape(-1, 2).T
-    if len(both) < MIN_PAIRS or (response := float(np.mean(share - left)) / tried) <= 0:
+    both = [(share, after) for share, after in zip(before.tolist(), again, strict=True) if after is not None]
+    share, after = np.array(both).reshape(-1, 2).T
+    if len(both) < MIN_PAIRS or (response := float(np.mean(share - after)) / tried) <= 0:
         return None
     longer = float(np.mean(share)) / response
-    scatter = max(float(np.std(share - longer / tried * (share - left), ddof=1)), MIN_SIGMA)
+    scatter = max(float(np.std(share - longer / tried * (share - after), ddof=1)), MIN_SIGMA)
     sigma = scatter / response / min(len(targets), len(sources)) ** 0.5  # pairs of a scan share its errors
     if abs(longer) < max(MIN_SCALE, MIN_SIGMAS * sigma):
         return None
@@ -131,7 +131,7 @@ def _measured(
 
 
 def _longer(pair: RegisteredPair) -> float | None:
-    """By which share the source seems too long against the target; None of a pair that does not say."""
+    """Share by which the source seems too long relative to the target; None if the pair does not show it."""
     registration = pair.registration
     if registration is None or not registration.accepted or registration.overlap < MIN_OVERLAP:
         return None

@@ -1,4 +1,4 @@
-"""The search for odd scans: those that fit no neighbor are changed and registered again."""
+"""The search for faulty scans: scans that fit no neighbor are changed and registered again."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,15 +14,13 @@ from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 
-_MOST = 2  # scans that are tried in vain: where more do not fit, the survey is weak, and no scan odd
-# By so much the mean probability with all neighbors is higher with the change: of mirrored scans by 0.68 and more.
-_CLEARLY = 0.4
-# A mirrored scan may fit at a wrong place, along a quay; a step beyond so many usual ones, and voxels, does not count.
-_LONG, _LONGER = 1.3, 2.0
-# Two answers agree that are no farther apart [rad, voxels].
-_SAME_TURN, _SAME_PLACE = float(np.deg2rad(5.0)), 3.0
-# A scan in feet among others in meters is 3.3 times as large: only one that is so much larger or smaller is tried.
-_LARGER = 1.6
+_MAX_FAILED = 2  # scans for which no change helps; with more, the survey is weak and its scans are not faulty
+_MIN_GAIN = 0.4  # of the mean probability with all neighbors by the change
+_MAX_STEP = 1.3  # of a changed scan [median steps]: along a quay, a mirrored scan may fit at a wrong place
+_ADDED_STEP = 2.0  # added to this [voxels]
+_MAX_TURN = float(np.deg2rad(5.0))  # between two registrations that agree [rad]
+_MAX_SHIFT = 3.0  # between two registrations that agree [voxels]
+_MIN_RATIO = 1.6  # of sizes of a scan in another unit and its neighbors; between meters and feet it is 3.3
 
 
 def find_odd(
@@ -35,24 +33,24 @@ def find_odd(
 ) -> tuple[OddScan, ...]:
     """The scans that are mirrored, or in feet among meters, by their numbers.
 
-    No registration of such a scan with a neighbor, up to two scans away, is accepted as it is; changed, it lies at the
-    same place by two of them. A scan that any neighbor fits is never odd, as a mirrored scan of a symmetric place.
+    No registration of such a scan with a neighbor, up to two scans away, is accepted; after the change two of them
+    agree on its place. A scan that fits any neighbor is not faulty, such as a mirrored scan of a symmetric place.
 
     Args:
         runner: of the scans.
         scans, surveys: N, and the number of each one's survey.
-        steps: consecutive scans, registered freely.
+        steps: consecutive scans, registered without an expected pose.
         voxel: edge of the survey's voxels [m].
-        vouched: scans that are not asked about.
+        vouched: scans that are not tested.
     """
     search = _Search(runner, scans, surveys, steps, voxel, {pair.scans: pair for pair in steps})
     suspects = [k for k in search.misfits() if k not in vouched]
-    in_vain = 0
+    failed = 0
     for k in suspects:
         change = search.changed(k)
         if change is not None:
             search.odd[k] = change
-        elif (in_vain := in_vain + 1) == _MOST:
+        elif (failed := failed + 1) == _MAX_FAILED:
             break
     return tuple(OddScan(k, search.odd[k]) for k in sorted(search.odd))
 
@@ -66,17 +64,17 @@ class _Search:
     surveys: Sequence[int]
     steps: Sequence[RegisteredPair]
     voxel: float
-    pairs: dict[tuple[int, int], RegisteredPair]  # that are registered, by their scans
+    pairs: dict[tuple[int, int], RegisteredPair]  # registered ones, by their scans
     odd: dict[int, Change] = field(default_factory=dict[int, Change])  # results, by scan
 
     @property
     def longest(self) -> float:
-        """The longest step that is not surprising [m]."""
+        """Length of the longest plausible step [m]."""
         lengths = [_length(step.registration) for step in self.steps if step.accepted and step.registration]
-        return _LONG * median(lengths or [0.0]) + _LONGER * self.voxel
+        return _MAX_STEP * median(lengths or [0.0]) + _ADDED_STEP * self.voxel
 
     def misfits(self) -> list[int]:
-        """Scans with steps of which none is accepted, the least probable first."""
+        """Scans without an accepted step, the least probable first."""
         steps: dict[int, list[RegisteredPair]] = {}
         for step in self.steps:
             for k in step.scans:
@@ -85,53 +83,53 @@ class _Search:
         return sorted(fits, key=lambda k: fits[k])
 
     def changed(self, k: int) -> Change | None:
-        """The change with which a scan lies where neighbors agree that it does, while none accepts it as it is."""
-        as_it_is = [self._registered(j, k) for j in self._neighbors(k)]
-        if any(pair.accepted for pair in as_it_is):
+        """The change with which neighbors agree on a scan's place, if none accepts the original scan; else None."""
+        unchanged = [self._registered(j, k) for j in self._neighbors(k)]
+        if any(pair.accepted for pair in unchanged):
             return None
-        registered = any(pair.registration is not None for pair in as_it_is)
-        return next((each for each in self._changes(k, registered) if self._is_placed(k, each, _fit(as_it_is))), None)
+        registered = any(pair.registration is not None for pair in unchanged)
+        return next((each for each in self._changes(k, registered) if self._is_placed(k, each, _fit(unchanged))), None)
 
     def _neighbors(self, k: int) -> list[int]:
-        """Scans of the same survey up to two away, the nearest first, without odd ones."""
+        """Scans of the same survey up to two away, the nearest first, without faulty ones."""
         near = [j for j in (k - 1, k + 1, k - 2, k + 2) if 0 <= j < len(self.scans) and j not in self.odd]
         return [j for j in near if self.surveys[j] == self.surveys[k]]
 
     def _registered(self, a: int, b: int) -> RegisteredPair:
-        """Two scans as they are, registered freely."""
+        """Two original scans, registered without an expected pose."""
         i, j = min(a, b), max(a, b)
         if (i, j) not in self.pairs:
             (self.pairs[i, j],) = self.runner.register([Candidate(i, j, "loop")])
         return self.pairs[i, j]
 
     def _changes(self, k: int, registered: bool) -> Iterator[Change]:
-        """Those that may make a scan fit. Mirrored along x is along y and turned about z; along z, the bed is above.
-        A scan that cannot be `registered` at all has another size."""
+        """Changes to try. A mirror along x is one along y and a turn about z; a mirror along z puts the bed above. Only
+        a scan that could not be `registered` at all has another size."""
         if registered:
             yield Change("y")
             heights = [float(np.median(self.scans[j].points[:, 2])) for j in (k, *self._neighbors(k))]
             if abs(heights[0] + median(heights[1:] or [0.0])) < abs(heights[0] - median(heights[1:] or [0.0])):
                 yield Change("z")
         others = [_size(self.scans[j]) for j in self._neighbors(k)]
-        times = _size(self.scans[k]) / max(fmean(others), 1e-9) if others else 1.0
-        if times > _LARGER:
+        ratio = _size(self.scans[k]) / max(fmean(others), 1e-9) if others else 1.0
+        if ratio > _MIN_RATIO:
             yield Change(factor=FOOT)
-        elif times < 1 / _LARGER:
+        elif ratio < 1 / _MIN_RATIO:
             yield Change(factor=1 / FOOT)
 
-    def _is_placed(self, k: int, change: Change, as_it_is: float) -> bool:
-        """Whether neighbors agree where the changed scan lies, and are clearly surer than of the scan `as_it_is`."""
+    def _is_placed(self, k: int, change: Change, before: float) -> bool:
+        """Whether neighbors agree on the changed scan's place, with a clearly higher probability than `before`."""
         changed = self.runner.beside([change.of(self.scans[k])], [k])
         tried = [Candidate(j, len(self.scans), "loop") for j in self._neighbors(k)]
         pairs = changed.register(tried[:2])
         if not self._places(pairs, k):
             return False
         pairs += changed.register(tried[2:])
-        return _fit(pairs) >= as_it_is + _CLEARLY and self._agree(self._places(pairs, k))
+        return _fit(pairs) >= before + _MIN_GAIN and self._agree(self._places(pairs, k))
 
     def _places(self, pairs: Sequence[RegisteredPair], k: int) -> dict[int, RigidTransform]:
-        """T_other_k by the other scan of each accepted pair, of which the changed scan k is the source; none farther
-        away than by usual steps."""
+        """T_other_k by the other scan of each accepted pair with the changed scan k as source; none farther away than
+        plausible steps lead."""
         return {
             pair.i: pair.registration.T_target_source
             for pair in pairs
@@ -139,26 +137,26 @@ class _Search:
         }
 
     def _agree(self, at: Mapping[int, RigidTransform]) -> bool:
-        """Whether two neighbors say alike where a scan lies, and no two otherwise; by their number, T_neighbor_scan."""
+        """Whether two neighbors agree on a scan's place, and no two disagree; `at` is T_neighbor_scan by neighbor."""
         apart = [
             at[i].inv() * between.T_target_source * at[j]
             for i, j in combinations(sorted(at), 2)
             if (between := self._registered(i, j).registration) is not None and between.accepted
         ]
-        far = _SAME_PLACE * self.voxel
+        far = _MAX_SHIFT * self.voxel
         return bool(apart) and all(
-            T.rotation.magnitude() < _SAME_TURN and np.linalg.norm(T.translation) < far for T in apart
+            T.rotation.magnitude() < _MAX_TURN and np.linalg.norm(T.translation) < far for T in apart
         )
 
 
 def _fit(pairs: Sequence[RegisteredPair]) -> float:
-    """Mean probability of those that could be registered; 0 where none could, as of a scan that is too large for the
+    """Mean probability of those that could be registered; 0 without any, as for a scan that is too large for the
     grid."""
     return fmean([pair.registration.probability for pair in pairs if pair.registration is not None] or [0.0])
 
 
 def _length(registration: Registration) -> float:
-    """Of the way between the scans [m]."""
+    """Distance between the scans [m]."""
     return float(np.linalg.norm(registration.T_target_source.translation))
 
 
