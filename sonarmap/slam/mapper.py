@@ -128,7 +128,7 @@ class Mapper:
     ) -> SurveyResult:
         """Map a survey, or several of one place.
 
-        A pair that fails leaves a gap; the scans behind it are a component of their own, unless other pairs join both
+        A pair that fails leaves a gap; the scans after it are a component of their own, unless other pairs join both
         sides. Scans whose points have times are corrected for the sensor's motion, and mapped again.
 
         Args:
@@ -152,8 +152,8 @@ class Mapper:
             raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
         _require_scans(len(scans), ties, control)
         number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
-        by_hand = {tie.scans: tie for tie in ties}
-        measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_hand)
+        by_scans = {tie.scans: tie for tie in ties}
+        measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_scans)
         rounds = None if progress is None else _Rounds(progress)
         return self._straightened(measurements, self._mapped(measurements, rounds, vet), rounds, turn_rates)
 
@@ -285,21 +285,21 @@ class Mapper:
         search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, limits, settled, looked)
         pairs = search.steps(known)
         measurements = search.measurements
-        alone = measurements.by_instruments
+        untied = measurements.by_instruments
         pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
-        decision = self._decide(runner, alone, pairs)
+        decision = self._decide(runner, untied, pairs)
         for number in range(settings.most_rounds if settings.rounds else 0):
             loops = search.loops(decision, pairs, unsure=number >= settings.rounds)
             if not loops:
                 break
             pairs += loops
-            decision = self._decide(runner, alone, pairs)
+            decision = self._decide(runner, untied, pairs)
         if not (measurements.ties or measurements.control):
             return decision
-        by_hand = self._decide(runner, measurements, search.tied(pairs))
-        sizes = with_contradictions(by_hand.pairs, by_hand.solution, decision.solution)
-        return replace(by_hand, pairs=tuple(sizes), displaced=displaced(sizes, decision.pairs))
+        tied = self._decide(runner, measurements, search.tied(pairs))
+        tied_pairs = with_contradictions(tied.pairs, tied.solution, decision.solution)
+        return replace(tied, pairs=tuple(tied_pairs), displaced=displaced(tied_pairs, decision.pairs))
 
     def _decide(self, runner: PairRunner, measurements: Measurements, pairs: Sequence[RegisteredPair]) -> Decision:
         decision = decide(pairs, measurements, self.voxel, self.settings.loops)

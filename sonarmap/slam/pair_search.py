@@ -168,13 +168,13 @@ class PairSearch:
 
     def _about_estimate(self, pairs: Sequence[RegisteredPair], solution: Solution) -> list[RegisteredPair]:
         """The pairs, those not accepted, or consecutive but not in the graph, registered again about the estimate."""
-        part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
+        component = {k: number for number, members in enumerate(solution.graph.components) for k in members}
         kept = {(edge.i, edge.j) for edge in solution.graph.edges}
         trusted = [pair.accepted and (pair.role != "sequential" or pair.scans in kept) for pair in pairs]
         doubtful = [
             pair
             for pair, is_trusted in zip(pairs, trusted, strict=True)
-            if not is_trusted and pair.registration and part[pair.i] == part[pair.j]
+            if not is_trusted and pair.registration and component[pair.i] == component[pair.j]
         ]
         return self._retried_at(pairs, doubtful, expected_by(solution, doubtful, self._floor))
 

@@ -21,7 +21,7 @@ def lone_steps(pairs: Sequence[RegisteredPair], free: bool = False) -> set[tuple
     """
     count = 1 + max((pair.j for pair in pairs), default=0)
     # differences along the steps of the numbers of tried pairs across a step, of those that begin before it, of those
-    # that end behind it, and of pairs that confirm it
+    # that end after it, and of pairs that confirm it
     tried, before, behind, confirming = (np.zeros(count + 1, np.intp) for _ in range(4))
     for pair in pairs:
         if pair.role == "sequential" or pair.registration is None:

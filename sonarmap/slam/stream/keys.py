@@ -13,11 +13,11 @@ from sonarmap.spectral.result import Registration
 _MIN_SCANS = 40  # of a stream; a shorter survey is registered scan by scan
 _PROBES = 7  # pairs of consecutive scans, evenly along a survey, that show whether it is a stream
 _MIN_ACCEPTED_PROBES = 2
-_DENSE_SHIFT = 2.0  # most between consecutive scans of a stream [voxels]
-_DENSE_TURN = float(np.radians(4.0))  # most between consecutive scans of a stream [rad]
-_KEY_SHIFT = 8.0  # most between key scans [voxels]
-_KEY_TURN = float(np.radians(15.0))  # most between key scans [rad]
-_KEY_OVERLAP = 0.7  # least between key scans
+_DENSE_SHIFT = 2.0  # largest between consecutive scans of a stream [voxels]
+_DENSE_TURN = float(np.radians(4.0))  # largest between consecutive scans of a stream [rad]
+_KEY_SHIFT = 8.0  # largest between key scans [voxels]
+_KEY_TURN = float(np.radians(15.0))  # largest between key scans [rad]
+_KEY_OVERLAP = 0.7  # smallest between key scans
 _AIM = 0.8  # share of these distances that a stride aims at
 _MAX_STRIDE = 256  # [scans]; a stride at most doubles
 _MAX_AHEAD = 4  # pairs registered at a time, if there are as many workers; pairs further ahead are rarely needed
@@ -43,8 +43,8 @@ def choose_keys(
 ) -> tuple[list[int], list[RegisteredPair]]:
     """The key scans, ascending (all scans of a survey that is not dense), and the registered pairs of consecutive ones.
 
-    A scan some stride ahead is registered to the last key scan. The shift, the turn and the overlap of both choose the
-    next stride; after a refused registration the stride is halved. It is kept if the registration is refused only for
+    A scan some stride ahead is registered to the last key scan. Their shift, turn and overlap determine the next
+    stride; after a refused registration the stride is halved. It is kept if the registration is refused only for
     an unconstrained direction, as along a wall, since half the stride would not constrain it either. `surveys` (N,)
     holds each scan's survey number; `voxel` is in meters.
     """

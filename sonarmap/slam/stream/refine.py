@@ -22,7 +22,7 @@ _MAX_ROUNDS = 50  # of leaving out the scans that deviate most
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    scan: int
+    scan: int  # between two key scans
     step: Edge  # from the key scan before it, by a steady motion or dead reckoning
     after: int  # the key scan after it
     T_keys: RigidTransform | None  # pose of the key scan after in the frame of the one before; None if unknown
