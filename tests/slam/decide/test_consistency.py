@@ -25,7 +25,7 @@ from tests.samples.surveys import (
 COVARIANCE = random_covariance(np.random.default_rng(2), 0.004, 0.03)
 
 
-def test_what_gathers_along_a_chain_is_the_graphs_own_marginal():
+def test_covariances_of_chains_equal_marginals_of_the_graph():
     """Of a chain, and of a tree of scans 0-1-2 and 0-3-4, from 2 to 4 by way of 0."""
     truth = ring_poses(9)
     tree = [edge(i, j, truth[i].inv() * truth[j], COVARIANCE, "loop") for i, j in ((0, 1), (1, 2), (0, 3), (3, 4))]
@@ -65,7 +65,7 @@ def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
     return possible_edges(RegisteredPair(i, j, "loop", registration=given))
 
 
-def test_an_answer_may_be_read_from_either_scan_and_answers_of_one_pair_exclude_each_other():
+def test_support_does_not_depend_on_direction_and_hypotheses_of_one_pair_exclude_each_other():
     truth = ring_poses(12)
     answers = [answer(truth, 1, 7), answer(truth, 3, 9)]
     turned = [answers[0], PossibleEdge(9, 3, _inverse(answers[1].registration))]
@@ -77,7 +77,7 @@ def test_an_answer_may_be_read_from_either_scan_and_answers_of_one_pair_exclude_
     assert not any(one.leading for one in found)  # neither is clearly ahead
 
 
-def test_answers_are_compared_with_those_nearest_to_them_alone(monkeypatch: pytest.MonkeyPatch):
+def test_comparing_only_the_nearest_hypotheses_gives_the_same_verdicts(monkeypatch: pytest.MonkeyPatch):
     """What is far off at either end decides nothing: right and wrong answers come out as if all were compared."""
     truth = ring_poses(60, radius=30.0, turns=2.0)
     off = RigidTransform.from_translation([4.0, 0, 0])
@@ -92,7 +92,7 @@ def test_answers_are_compared_with_those_nearest_to_them_alone(monkeypatch: pyte
     assert {one.pairs for one in near[:30]} == {30}
 
 
-def test_the_distance_from_the_chain_is_in_joint_sigmas():
+def test_distance_from_the_chain_is_in_joint_sigmas():
     truth = ring_poses(6)
     chains = chained(truth)
     gathered = propagated(truth[4].inv(), chains.between(np.array([1]), np.array([4]))[0])
@@ -106,7 +106,7 @@ def test_the_distance_from_the_chain_is_in_joint_sigmas():
     assert granted.agrees
 
 
-def test_the_scan_where_two_ways_divide_is_that_of_the_tree():
+def test_meeting_is_the_lowest_common_ancestor():
     rng = np.random.default_rng(8)
     for _ in range(20):
         count = int(rng.integers(2, 40))
@@ -125,7 +125,7 @@ def test_the_scan_where_two_ways_divide_is_that_of_the_tree():
         assert chains.meeting(i, j).tolist() == wanted
 
 
-def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
+def test_agreeing_hypotheses_join_components_in_any_frames():
     truth = ring_poses(12)
     off = [RigidTransform.from_exp_coords(xi) for xi in ([0, 0, 0.8, 2, 0, 0], [0.2, 0, -1, 0, 3, 0])]
     answers = [answer(truth, 1, 7), answer(truth, 3, 9), answer(truth, 2, 10), answer(truth, 4, 8, off[0])]
@@ -144,7 +144,7 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
     assert [(one.pairs, one.leading) for one in repeated] == [(one.pairs, one.leading) for one in found]
 
 
-def test_what_is_possible_is_followed_and_weighs_by_its_probability():
+def test_possible_edges_weigh_by_their_probability():
     first = replace(registration(RigidTransform.identity(), COVARIANCE), probability=0.7, accepted=False)
     second, faint = replace(first, probability=0.2), replace(first, probability=0.001)
     found = answers_of(2, 5, replace(first, alternatives=(second, faint)))
@@ -161,7 +161,7 @@ def test_what_is_possible_is_followed_and_weighs_by_its_probability():
 
 
 @pytest.mark.parametrize(("open_by", "off", "elsewhere"), [(50.0, 25.0, True), (50.0, 15.0, False), (1.0, 25.0, False)])
-def test_what_leaves_a_direction_open_counts_near_the_place_where_it_was_measured(open_by, off, elsewhere):
+def test_hypothesis_with_unconstrained_direction_is_used_only_near_the_chain(open_by, off, elsewhere):
     """With a floor of 1 m: 20 m are far. The direction lies across all axes."""
     truth, along = ring_poses(6), np.array([0.6, 0.0, -0.8])
     covariance = COVARIANCE.copy()

@@ -44,7 +44,7 @@ def worst(result: Decision, truth: RigidTransform) -> float:
     return float(np.linalg.norm((T[0].inv() * T).translation - truth.translation, axis=1).max())
 
 
-def test_a_doubtful_step_is_taken_where_another_pair_agrees_with_it():
+def test_doubtful_step_is_kept_if_another_pair_agrees():
     truth = ring_poses(12)
     gap = chain_of(truth, k5=unsure(0.8))
     alone = decided(truth, gap)
@@ -61,7 +61,7 @@ def test_a_doubtful_step_is_taken_where_another_pair_agrees_with_it():
     assert len(faint.solution.graph.components) == 2
 
 
-def test_an_alternative_is_taken_where_the_others_agree_with_it():
+def test_alternative_is_kept_if_other_pairs_agree():
     """A place that looks alike from both sides: the more probable answer is the wrong one."""
     truth = ring_poses(12)
     right = pair(truth, 2, 9, "loop", **unsure(0.4)).registration
@@ -76,7 +76,7 @@ def test_an_alternative_is_taken_where_the_others_agree_with_it():
     assert "answer 2" in doubtful.reason
 
 
-def test_two_parts_far_apart_in_time_want_two_pairs():
+def test_two_loops_or_one_bridge_join_components():
     truth = ring_poses(12)
     gap = chain_of(truth, k5=unsure(0.0))
     one = decided(truth, [*gap, pair(truth, 1, 10, "loop")])
@@ -88,7 +88,7 @@ def test_two_parts_far_apart_in_time_want_two_pairs():
     assert len(bridge.solution.graph.components) == 1
 
 
-def test_a_wrong_step_that_was_believed_is_found_by_its_neighbors():
+def test_accepted_wrong_step_is_rejected_by_its_neighbors():
     truth = ring_poses(14)
     loops = [pair(truth, i, j, "loop") for i, j in ((5, 7), (6, 8), (4, 8), (0, 13))]
     result = decided(truth, [*chain_of(truth, k6={"off": WRONG}), *loops])
@@ -146,7 +146,7 @@ def answers(support: Support, count: int, accepted: bool = True) -> list[Possibl
 
 
 @pytest.mark.slow
-def test_a_loop_that_leaves_a_direction_open_is_taken_for_the_others():
+def test_loop_with_unconstrained_direction_constrains_the_others():
     truth = ring_poses(12)
     pairs = [*chain_of(truth), pair(truth, 0, 11, "loop"), pair(truth, 1, 10, "loop")]
     taken = decided(truth, [*pairs, open_along(truth, 2, 9, 0.95)])
@@ -164,7 +164,7 @@ def test_a_loop_that_leaves_a_direction_open_is_taken_for_the_others():
 
 
 @pytest.mark.slow
-def test_chi_squared_before_is_of_the_chained_poses():
+def test_chi_squared_before_is_that_of_the_chained_poses():
     truth = ring_poses(24)
     result = decided(truth, [*chain_of(truth), pair(truth, 0, 23, "loop"), pair(truth, 2, 20, "loop")])
     graph = result.solution.graph

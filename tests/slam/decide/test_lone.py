@@ -46,7 +46,7 @@ def decided(pairs: list[RegisteredPair], *ties: Tie) -> Decision:
     return decide(pairs, measurements, 0.1, LoopSettings())
 
 
-def test_a_lone_step_is_a_gap_and_what_was_expected_across_it_does_not_bridge_it() -> None:
+def test_weak_step_is_a_gap_that_pairs_about_the_estimate_do_not_bridge() -> None:
     """Though all of that agrees."""
     pairs = survey(4)
     result = decided(pairs)
@@ -57,14 +57,14 @@ def test_a_lone_step_is_a_gap_and_what_was_expected_across_it_does_not_bridge_it
     assert "right with a probability of 90.0%, and no pair across is accepted; as it is" in step.reason
 
 
-def test_a_lone_step_stays_where_dead_reckoning_tells_of_it_too() -> None:
+def test_weak_step_stays_if_dead_reckoning_joins_its_scans() -> None:
     """Then what was expected did not come from the step."""
     odometry = Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT)))
     measurements = replace(measurements_of(COUNT), odometry=odometry)
     assert decide(survey(4), measurements, 0.1, LoopSettings()).pairs[4].kept
 
 
-def test_a_lone_step_stays_where_a_third_of_all_are_or_a_person_vouches_for_it() -> None:
+def test_weak_step_stays_if_a_third_of_all_are_weak_or_a_person_accepts_it() -> None:
     many = survey(1, 3, 5, 7)
     assert len(lone_steps(many)) == 4
     assert without_lone_steps(many, ()) is many
@@ -90,14 +90,14 @@ def test_a_lone_step_stays_where_a_third_of_all_are_or_a_person_vouches_for_it()
         ([], set()),
     ],
 )
-def test_a_lone_step_is_one_that_pairs_were_tried_across_in_vain(
+def test_step_is_weak_if_enough_pairs_across_were_tried_and_none_accepted(
     pairs: list[RegisteredPair], lone: set[tuple[int, int]]
 ) -> None:
     assert lone_steps(pairs) == lone
 
 
 @pytest.mark.parametrize("expected", [False, True])
-def test_a_loop_over_the_whole_survey_confirms_a_step_wherever_it_was_looked_for(expected: bool) -> None:
+def test_loop_over_the_whole_survey_confirms_a_step(expected: bool) -> None:
     """What was expected does not, where it is asked what was found freely."""
     pairs = [*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]
     assert lone_steps(pairs) == set()

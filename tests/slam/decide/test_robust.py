@@ -44,7 +44,7 @@ def distance(one: RigidTransform, other: RigidTransform) -> float:
 
 @pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("kind", ["scattered", "aliased"])
-def test_wrong_loops_are_rejected_and_leave_the_optimum_where_it_was(seed: int, kind: str) -> None:
+def test_wrong_loops_are_rejected_and_do_not_move_the_optimum(seed: int, kind: str) -> None:
     T, graph = two_rounds(seed, 60)
     wrong = scattered(graph, T, 15, seed) if kind == "scattered" else aliased(graph, T, 10, seed)
     mixed = PoseGraph(graph.trajectory, (*wrong[:4], *graph.edges, *wrong[4:]))
@@ -59,7 +59,7 @@ def test_wrong_loops_are_rejected_and_leave_the_optimum_where_it_was(seed: int, 
         assert accepted or residual > 4
 
 
-def test_a_wrong_edge_of_the_chain_is_outvoted() -> None:
+def test_wrong_chain_edge_is_rejected_unless_the_chain_is_trusted() -> None:
     T, graph = two_rounds(5)
     slip = RigidTransform.from_exp_coords([0.2, -0.1, 0.4, 2, -1, 1])
     edges = list(graph.edges)
@@ -73,7 +73,7 @@ def test_a_wrong_edge_of_the_chain_is_outvoted() -> None:
     assert not trusted.accepted.all()
 
 
-def test_the_order_of_the_edges_and_a_second_run_change_nothing() -> None:
+def test_result_does_not_depend_on_order_or_run() -> None:
     T, graph = two_rounds(7)
     edges = (*graph.edges, *scattered(graph, T, 10, 7))
     once, again = (robust_optimize(PoseGraph(graph.trajectory, edges)) for _ in range(2))
@@ -97,7 +97,7 @@ def test_a_tree_and_a_prior_cannot_be_rejected() -> None:
     assert result.accepted.all()
 
 
-def test_bridges_are_what_takes_a_component_apart() -> None:
+def test_cut_edges_are_those_whose_removal_divides_a_component() -> None:
     rng = np.random.default_rng(9)
     for _ in range(30):
         count = int(rng.integers(2, 12))
@@ -112,7 +112,7 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
 
 
 @pytest.mark.slow
-def test_a_chain_that_is_less_sure_than_it_says_does_not_leave_out_the_loops() -> None:
+def test_chain_with_underestimated_sigmas_keeps_right_loops() -> None:
     T, graph = lawnmower(1500, 2.5, 1)
     drift = RigidTransform.from_exp_coords([0, 0, 4e-3, 0, 0, 0])
     edges = [
@@ -127,7 +127,7 @@ def test_a_chain_that_is_less_sure_than_it_says_does_not_leave_out_the_loops() -
     assert result.accepted[len(wrong) :].mean() > 0.95
 
 
-def test_a_region_has_the_edges_with_both_ends_inside_and_its_rim_is_held() -> None:
+def test_region_has_the_edges_with_both_ends_inside_and_holds_its_border() -> None:
     """Regions that touch are one."""
     graph = lawnmower(400, 2.0, 4)[1]
     active = np.ones(len(graph.edges), bool)
@@ -147,7 +147,7 @@ def test_a_region_has_the_edges_with_both_ends_inside_and_its_rim_is_held() -> N
 
 
 @pytest.mark.slow
-def test_every_component_is_judged_by_itself_and_held_poses_stay() -> None:
+def test_components_are_independent_and_held_poses_stay() -> None:
     T, graph = two_rounds(6)
     moved = [edge(one.i + COUNT, one.j + COUNT, one.registration.T_target_source, one.registration.covariance, one.kind)
              for one in graph.edges]  # fmt: skip
@@ -162,7 +162,7 @@ def test_every_component_is_judged_by_itself_and_held_poses_stay() -> None:
     assert distance(found[COUNT:], found[:COUNT]) < 1e-3
 
 
-def test_without_wrong_edges_it_is_the_plain_optimum() -> None:
+def test_without_wrong_edges_the_result_is_the_plain_optimum() -> None:
     _, graph = two_rounds(4)
     result = robust_optimize(graph)
     plain = graph.optimize()

@@ -55,7 +55,7 @@ def found(seed: int, priors: dict[int, PosePrior]) -> tuple[dict[int, PosePrior]
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_right_fixes_are_left_alone(seed: int) -> None:
+def test_right_fixes_are_unchanged(seed: int) -> None:
     priors = fixes(seed)
     left, wrong = found(seed, priors)
     assert not wrong
@@ -77,7 +77,7 @@ def test_acoustic_outliers_and_compass_jumps_are_named() -> None:
     assert left[32].knows_position
 
 
-def test_sparse_fixes_are_held_against_the_edges_and_where_nothing_else_bears_or_most_are_off_none_is_wrong() -> None:
+def test_sparse_wrong_fix_is_named_but_not_a_single_fix_or_half_of_them() -> None:
     priors = fixes(1, every=6, known=slice(3, 5))
     priors[24] = moved(priors[24], (0.0, -20.0, 0.0))
     left, wrong = found(1, priors)
@@ -89,7 +89,7 @@ def test_sparse_fixes_are_held_against_the_edges_and_where_nothing_else_bears_or
     assert found(3, priors)[1] == []
 
 
-def test_a_run_of_a_third_of_the_fixes_is_found() -> None:
+def test_run_of_wrong_fixes_is_named_even_if_a_third_of_all() -> None:
     seed = 1
     priors = fixes(seed, known=slice(2, 5))
     for k in range(25, 45):
@@ -100,7 +100,7 @@ def test_a_run_of_a_third_of_the_fixes_is_found() -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 200.0])
-def test_an_attitude_counts_alike_at_every_heading(heading: float) -> None:
+def test_attitude_errors_count_the_same_at_every_heading(heading: float) -> None:
     """Errors of roll and pitch are about the sensor's own level axes, wherever it points: one sigma of pitch is one."""
     sigmas = np.array([np.deg2rad(0.1), np.deg2rad(5.0), np.inf, np.inf, np.inf, np.inf])
     R = Rotation.from_euler("ZYX", [heading, 20.0, 0.0], degrees=True)
@@ -112,7 +112,7 @@ def test_an_attitude_counts_alike_at_every_heading(heading: float) -> None:
     assert graph.chi_squared == pytest.approx(3.0, rel=1e-3)
 
 
-def test_errors_larger_than_stated_are_measured() -> None:
+def test_underestimated_sigmas_are_scaled_to_the_actual_errors() -> None:
     seed = 2
     priors = {k: replace(prior, sigmas=prior.sigmas / [1, 1, 1, 5, 5, 1]) for k, prior in fixes(seed).items()}
     priors[9] = moved(priors[9], (30.0, 0.0, 0.0))
@@ -125,7 +125,7 @@ def test_errors_larger_than_stated_are_measured() -> None:
     assert [(fix.scan, fix.kind) for fix in judged.wrong] == [(9, "position")]
 
 
-def test_places_that_nothing_bears_out_are_left_out() -> None:
+def test_positions_with_exchanged_axes_are_all_ignored() -> None:
     priors = {}
     for k, prior in fixes(6).items():
         T = prior.T_world_sensor
@@ -154,7 +154,7 @@ def lanes() -> RigidTransform:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("error", ["arm", "turn", "late", "drift", "arm and turn", "none"])
-def test_what_all_fixes_share_is_found_and_taken_off(error: str) -> None:
+def test_systematic_error_is_estimated_and_corrected(error: str) -> None:
     """A lever arm of the wrong sign, headings by another North, a clock that is late, places that drift, on lanes there
     and back with a loop between them, which tell these apart."""
     seed = 1
@@ -227,7 +227,7 @@ def ring(seed: int) -> PoseGraph:
     return chained_graph(edges, RING)
 
 
-def test_a_far_one_comes_first() -> None:
+def test_edge_beyond_the_bound_is_contradicted_and_an_only_edge_never() -> None:
     graph = ring(0)
     solution = graph.optimize()
     graph = graph.at(solution.trajectory.T_world_sensor)
@@ -243,7 +243,7 @@ def test_a_far_one_comes_first() -> None:
     assert contradicted_edges(graph, solution, np.ones(RING - 1, bool), 1.0, 1.0).tolist() == []
 
 
-def test_a_place_does_not_bound_what_could_contradict_it() -> None:
+def test_positions_do_not_bound_the_search_and_other_sigmas_are_scaled() -> None:
     priors = fixes(5, known=slice(3, 6))
     points = np.zeros((1, 3), np.float32)
     scans = [Scan(points, stamp=float(k), prior=priors[k], name=f"scan{k}") for k in range(COUNT)]
@@ -258,7 +258,7 @@ def test_a_place_does_not_bound_what_could_contradict_it() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
-def test_a_run_of_wrong_fixes_is_no_shared_error(seed: int) -> None:
+def test_run_of_wrong_fixes_is_no_systematic_error(seed: int) -> None:
     """On lanes without loops, whose steps are unsure: with two of them broken and a lever arm all fixes would fit."""
     truth, rng = lanes(), np.random.default_rng([seed, 9])
     unsure, sigmas = 50 * COVARIANCE, SIGMAS * [1, 1, 1, 0.5, 0.5, 1]
@@ -277,7 +277,7 @@ def test_a_run_of_wrong_fixes_is_no_shared_error(seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
-def test_by_how_much_chi_squared_falls_without_an_edge(seed: int) -> None:
+def test_contradicted_edges_are_those_whose_removal_lowers_chi_squared(seed: int) -> None:
     graph = ring(seed)
     solution = graph.optimize()
     graph = graph.at(solution.trajectory.T_world_sensor)
