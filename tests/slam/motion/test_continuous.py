@@ -39,7 +39,7 @@ def squared(found: RigidTransform, covariances: np.ndarray, truth: RigidTransfor
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_a_thousand_poses_are_as_far_off_as_they_say(seed: int) -> None:
+def test_covariances_between_scans_are_calibrated(seed: int) -> None:
     truth = driven(80, seed)
     continuous = exact(truth.take(range(0, len(truth), FINE)))
     np.testing.assert_allclose(continuous.power, POWER, rtol=0.6)
@@ -51,7 +51,7 @@ def test_a_thousand_poses_are_as_far_off_as_they_say(seed: int) -> None:
     assert (nees < 12.6).mean() > 0.88
 
 
-def test_it_passes_through_the_scans_and_turns_with_the_world() -> None:
+def test_trajectory_passes_through_scans_and_turns_with_the_world() -> None:
     knots = driven(12, 7).take(range(0, 11 * FINE + 1, FINE))
     continuous = exact(knots)
     poses, covariances = continuous.at(knots.stamps)
@@ -65,7 +65,7 @@ def test_it_passes_through_the_scans_and_turns_with_the_world() -> None:
     np.testing.assert_allclose(same, covariances, rtol=1e-6, atol=1e-12)
 
 
-def test_a_steady_screw_is_exact_and_sure() -> None:
+def test_steady_screw_is_interpolated_exactly() -> None:
     twist = np.array([0.02, -0.01, 0.1, 0.7, -0.2, 0.05])
     stamps = np.array([0.0, 1.0, 2.5, 3.0, 5.0])
     continuous = exact(Trajectory(stamps, RigidTransform.from_exp_coords(stamps[:, None] * twist)))
@@ -76,7 +76,7 @@ def test_a_steady_screw_is_exact_and_sure() -> None:
     assert np.abs(covariances).max() < 1e-8
 
 
-def test_the_variance_is_that_of_the_process() -> None:
+def test_variance_equals_that_of_integrated_brownian_motion() -> None:
     """Beside the dense twin: integrated Brownian motion, of which the values at the knots are known."""
     knots = np.array([0.0, 1.0, 1.5, 3.5, 4.0, 6.0])
     asked = np.array([0.3, 1.2, 2.5, 3.0, 3.9, 5.5])
@@ -110,7 +110,7 @@ def wiggling(seconds: int) -> tuple[Trajectory, np.ndarray]:
 
 
 @pytest.mark.parametrize("seed", range(1))
-def test_turn_rates_tell_of_wiggles_between_the_scans(seed: int) -> None:
+def test_turn_rates_recover_rotation_between_scans(seed: int) -> None:
     """With a constant bias, noise, and scans that err: rotations are as good as the scans', and as sure as they are."""
     truth, rates = wiggling(30)
     rng = np.random.default_rng(seed)
@@ -132,7 +132,7 @@ def test_turn_rates_tell_of_wiggles_between_the_scans(seed: int) -> None:
     assert 3.5 < nees[1] < 8 < nees[0]
 
 
-def test_with_rates_it_passes_through_the_scans_turns_with_the_world_and_goes_on_beyond() -> None:
+def test_trajectory_with_rates_passes_through_scans_turns_with_the_world_and_extends_beyond() -> None:
     truth, rates = wiggling(12)
     knots, moved = truth.take(range(100, len(truth) - 100, 100)), RigidTransform.from_exp_coords([0.4, -1, 2, 9, -2, 7])
     covariances = np.tile(EXACT, (len(knots), 1, 1))
@@ -151,7 +151,7 @@ def test_with_rates_it_passes_through_the_scans_turns_with_the_world_and_goes_on
     assert apart.max() < 1e-3  # a second before the first scan and behind the last, too
 
 
-def test_what_cannot_be_told_is_refused() -> None:
+def test_unordered_stamps_single_pose_and_far_stamp_are_refused() -> None:
     T = RigidTransform.from_components(np.zeros((3, 3)), Rotation.identity(3))
     for stamps in ([0.0, 2.0, 1.0], [0.0, 0.0, 1.0]):
         with pytest.raises(InputError, match="whose stamps ascend"):
@@ -162,7 +162,7 @@ def test_what_cannot_be_told_is_refused() -> None:
         exact(Trajectory(np.array([0.0, 1.0, 2.0]), T)).at(np.array([0.5, 3.1]))
 
 
-def test_poses_beyond_the_ends_are_less_and_less_sure() -> None:
+def test_uncertainty_grows_beyond_the_ends() -> None:
     nees, sure = [], []
     for draw in range(60):
         truth = driven(12, draw)
@@ -182,7 +182,7 @@ def adjoint_by_hand(T: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_errors_of_scans_are_there_between_them() -> None:
+def test_errors_of_scans_appear_in_covariances_between_them() -> None:
     """All knots are off by one error: so are the poses between."""
     truth = driven(40, 5)
     rng = np.random.default_rng(1)
@@ -206,7 +206,7 @@ def test_errors_of_scans_are_there_between_them() -> None:
     assert 3 < np.mean(apart) < 8
 
 
-def test_of_exact_scans_nothing_but_the_rates_own_noise_is_left() -> None:
+def test_with_exact_scans_only_noise_of_the_rates_remains() -> None:
     truth, rates = wiggling(20)
     knots = truth.take(range(0, len(truth), 100))
     rng = np.random.default_rng(4)
@@ -222,7 +222,7 @@ def test_of_exact_scans_nothing_but_the_rates_own_noise_is_left() -> None:
     assert 1.5 < np.einsum("na,na->n", error, of_turn).mean() < 5
 
 
-def test_rates_of_another_sensor_or_time_change_nothing() -> None:
+def test_rates_of_another_sensor_or_time_are_ignored() -> None:
     truth, rates = wiggling(12)
     knots = truth.take(range(0, len(truth), 100))
     plain, stamps = exact(knots), truth.stamps

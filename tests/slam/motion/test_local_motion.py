@@ -35,7 +35,7 @@ def with_usual(given: Registration) -> Registration:
     return held
 
 
-def test_what_is_refused_or_contradicted_is_doubtful() -> None:
+def test_refused_or_contradicted_pair_is_doubtful() -> None:
     assert not is_doubtful(pair(answer(moved(USUAL), 0.95, accepted=True)), MOTION)
     assert is_doubtful(pair(answer(moved(USUAL), 0.5)), MOTION)
     assert is_doubtful(pair(answer(JUMP, 0.95, accepted=True)), MOTION)
@@ -53,7 +53,7 @@ def test_what_is_accepted_is_doubtful_where_another_answer_is_more_probable_with
     assert is_doubtful(pair(both), MOTION) == doubtful
 
 
-def test_the_second_look_leads_and_the_first_stays_possible() -> None:
+def test_second_registration_leads_and_first_becomes_an_alternative() -> None:
     first = pair(replace(answer(JUMP, 0.9, accepted=True), alternatives=(answer(moved(USUAL), 0.1),)))
     rival = answer(moved(0.5 * USUAL), 0.15)
     second = pair(replace(answer(moved(1.1 * USUAL), 0.8), alternatives=(rival,)))
@@ -74,7 +74,7 @@ def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     assert with_both(first, pair(None), MOTION) is first
 
 
-def test_the_motion_holds_what_the_scans_leave_open() -> None:
+def test_motion_constrains_the_direction_that_scans_do_not() -> None:
     """Along a wall that shows nothing else the scans do not tell how far the vehicle went."""
     T = moved(USUAL) * RigidTransform.from_translation([30.0, 0.0, 0.0])
     loose = np.diag([1e-4, 1e-4, 1e-4, 50.0, 1e-4, 1e-4]) ** 2
@@ -87,7 +87,7 @@ def test_the_motion_holds_what_the_scans_leave_open() -> None:
     np.testing.assert_allclose(np.diag(held.covariance)[[0, 1, 2, 4, 5]], 1e-8, rtol=0.01)
 
 
-def test_the_motion_changes_nothing_that_scans_know() -> None:
+def test_motion_hardly_changes_a_certain_registration() -> None:
     T = moved(USUAL) * RigidTransform.from_exp_coords([0.01, 0.02, -0.03, 0.1, 0.05, -0.1])
     held = with_usual(registration(T, TIGHT))
     moved_by = (T.inv() * held.T_target_source).as_exp_coords()
@@ -98,7 +98,7 @@ def test_the_motion_changes_nothing_that_scans_know() -> None:
     assert with_usual(answer(JUMP, 0.9, accepted=True)).T_target_source is JUMP
 
 
-def test_answers_out_of_reach_are_dropped() -> None:
+def test_hypotheses_out_of_reach_are_dropped() -> None:
     far = moved(np.array([0, 0, 0.1, 60.0, 0, 0]))
     given = replace(answer(far, 0.95, accepted=True), alternatives=(answer(far, 0.02), answer(moved(USUAL), 0.03)))
     left = without_leaps(pair(given), MOTION).registration
@@ -156,14 +156,14 @@ def some_steps(numbers: list[int], seed: int = 5) -> list[Step]:
     ]
 
 
-def test_a_sonar_that_stands_still_is_expected_there() -> None:
+def test_standing_sonar_is_expected_at_the_same_place() -> None:
     motion = learned([step_pair(k, RigidTransform.identity(), SURE) for k in range(9)])
     expected = motion.expected(4, 5)
     np.testing.assert_array_equal(expected.T_target_source.translation, 0)
     np.testing.assert_allclose(expected.sigmas[3:], FLOOR[3:], rtol=1e-3)
 
 
-def test_a_vehicle_nearly_at_rest_has_no_way_to_go() -> None:
+def test_distance_constrains_no_direction_of_a_hovering_vehicle() -> None:
     """A hovering vehicle jitters anywhere: the length of its steps holds no direction."""
     rng = np.random.default_rng(4)
     jitter = RigidTransform.from_translation(0.02 * rng.standard_normal((20, 3)))
@@ -177,7 +177,7 @@ def test_a_vehicle_nearly_at_rest_has_no_way_to_go() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("slid", [1.5, 9.0])
-def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far(slid: float) -> None:
+def test_along_a_wall_steps_follow_the_local_motion(slid: float) -> None:
     """Steps 6 to 13 see one wall, 30 degrees off ahead: how far they lead along it, the scans do not tell at all.
 
     Where they seem to lead farther than the vehicle ever goes, they contradict the motion no more than elsewhere.
@@ -204,7 +204,7 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far(slid: float) -> Non
 
 
 @pytest.mark.parametrize("gaps", [np.ones(9), np.array([1.0, 2.0, 0.5, 1.0, 4.0, 1.0, 1.0, 0.25, 1.0])])
-def test_both_filters_tell_what_the_regression_by_all_other_steps_does(gaps: np.ndarray) -> None:
+def test_both_filters_equal_regression_by_all_other_steps(gaps: np.ndarray) -> None:
     times, surveys = np.concatenate([[3.0], 3.0 + np.cumsum(gaps)]), np.array([0] * 6 + [1] * 4)
     steps = some_steps([0, 1, 3, 4, 7, 8])
     rates, variances = rates_by_others(steps, USUAL, VARIED, ALIKE, times, surveys)
@@ -220,7 +220,7 @@ def test_both_filters_tell_what_the_regression_by_all_other_steps_does(gaps: np.
     np.testing.assert_allclose(variances, np.tile(VARIED, (3, 1)))
 
 
-def test_likeness_of_steps_in_a_row_is_found() -> None:
+def test_likeness_is_the_correlation_of_consecutive_steps() -> None:
     rng, count = np.random.default_rng(8), 800
     away = np.zeros((count, 6))
     for k in range(count):
@@ -235,7 +235,7 @@ def test_likeness_of_steps_in_a_row_is_found() -> None:
     np.testing.assert_array_equal(likeness(unknown, VARIED, surveys), 0)
 
 
-def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
+def test_expected_pose_is_the_estimates_with_three_times_its_variance() -> None:
     poses = ring_poses(6)
     solution = chained_graph(chain_edges(poses, TIGHT), 6).optimize()
     floor = np.repeat([0.01, 0.05], 3)
@@ -247,7 +247,7 @@ def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
     np.testing.assert_allclose(expected.sigmas[3:] ** 2, 3 * np.diag(R @ covariance[3:, 3:] @ R.T) + 0.05**2, rtol=1e-3)
 
 
-def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
+def test_scaling_an_edge_scales_only_the_covariance_by_scans() -> None:
     """Scaling an edge scales the scans' part alone: as if the motion held what the scans say with that covariance.
 
     But for the direction of the way, in which its length is known: it follows where the scans and the motion lead.
@@ -269,7 +269,7 @@ def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
     )
 
 
-def test_what_was_looked_for_in_a_window_is_as_sure_as_the_window_where_it_is_wrong() -> None:
+def test_retry_about_an_estimate_includes_the_covariance_of_the_expected_pose() -> None:
     first, second = pair(answer(JUMP, 0.5)), replace(pair(answer(moved(USUAL), 0.9)), expected=EXPECTED)
     assert first.registration is not None
     assert second.registration is not None

@@ -49,7 +49,7 @@ def learned(pairs: list[RegisteredPair], stamps: np.ndarray | None = None) -> Mo
 
 
 @pytest.mark.parametrize("wrong", [0, 4])
-def test_it_is_learned_whatever_a_few_wrong_steps_say(wrong: int) -> None:
+def test_few_wrong_steps_do_not_change_the_learned_motion(wrong: int) -> None:
     motion = learned(steps(40, wrong))
     assert (np.abs(motion.usual - USUAL) < 4 * SPREAD / np.sqrt(36)).all()
     deviation = np.sqrt(np.diag(motion.covariance))
@@ -58,7 +58,7 @@ def test_it_is_learned_whatever_a_few_wrong_steps_say(wrong: int) -> None:
     assert (deviation < 1.3 * np.hypot(SPREAD, assumed)).all()
 
 
-def test_what_no_vehicle_of_this_kind_does_is_contradicted() -> None:
+def test_steps_far_from_the_usual_motion_are_contradicted() -> None:
     motion = learned(steps(40, wrong=2))
     for pair in steps(40, seed=4):
         assert pair.registration is not None
@@ -67,7 +67,7 @@ def test_what_no_vehicle_of_this_kind_does_is_contradicted() -> None:
     assert motion.contradicts(0, 1, moved(USUAL * [1, 1, 1, -6, 1, 1]))
 
 
-def test_stamps_tell_how_far_a_step_leads() -> None:
+def test_expected_distance_grows_with_the_time_between_stamps() -> None:
     spans = np.tile([1.0, 2.0, 0.5, 4.0], 10)
     stamps = 1e9 + np.concatenate([[0.0], np.cumsum(spans)])
     motion = learned(steps(40, spans=spans, spread=0 * SPREAD), stamps)
@@ -78,14 +78,14 @@ def test_stamps_tell_how_far_a_step_leads() -> None:
     np.testing.assert_allclose(over_a_gap.T_target_source.translation, 7.5 * motion.usual[3:], atol=1e-5)
 
 
-def test_stamps_that_stand_still_and_few_steps_tell_nothing() -> None:
+def test_equal_stamps_are_ignored_and_few_steps_give_no_motion() -> None:
     np.testing.assert_array_equal(learned(steps(20), np.full(21, 5.0)).usual, learned(steps(20)).usual)
     assert Motion.learn(steps(3), np.arange(4.0), np.zeros(4, int), FLOOR) is None
     refused = [step_pair(k, moved(USUAL), COVARIANCE, accepted=False) for k in range(20)]
     assert Motion.learn(refused, np.arange(21.0), np.zeros(21, int), FLOOR) is None
 
 
-def test_limits_bound_what_is_expected_and_believed() -> None:
+def test_limits_bound_expected_and_accepted_steps() -> None:
     limits = MotionLimits(step=1.0, turn_rate=0.3)
     motion = Motion.learn([], np.arange(6.0), np.zeros(6, int), FLOOR, limits)
     assert motion is not None
@@ -103,7 +103,7 @@ def test_limits_bound_what_is_expected_and_believed() -> None:
     assert np.linalg.norm(motion.usual - USUAL) < 0.5
 
 
-def test_limits_are_above_zero() -> None:
+def test_limits_of_zero_or_nan_are_refused() -> None:
     for given in (0.0, float("nan")):
         with pytest.raises(InputError, match="more than 0"):
             MotionLimits(speed=given)
@@ -116,7 +116,7 @@ TIMES = 100.0 + 2.0 * np.arange(30)
 ODOMETRY = Odometry(np.arange(30), WORLD * POSES, TIMES, drift=0.02, turn_drift=0.001)
 
 
-def test_it_expects_what_it_measured_with_an_error_that_grows_with_the_way_and_the_time() -> None:
+def test_odometry_error_grows_with_distance_and_time() -> None:
     expected, T = ODOMETRY.expected(3, 9, FINE), POSES[3].inv() * POSES[9]
     np.testing.assert_allclose(expected.T_target_source.as_matrix(), T.as_matrix(), atol=1e-5)
     way = np.linalg.norm(np.diff(POSES.translation[3:10], axis=0), axis=1).sum()
@@ -130,7 +130,7 @@ def test_it_expects_what_it_measured_with_an_error_that_grows_with_the_way_and_t
     assert ODOMETRY.contradicts(3, 9, T * RigidTransform.from_exp_coords([0, 0, 0.5, 0, 0, 0]), FINE)
 
 
-def test_all_its_edges_together_err_as_much_as_the_whole() -> None:
+def test_odometry_edges_together_have_the_error_of_the_whole_track() -> None:
     edges = ODOMETRY.edges(np.zeros(30, int))
     assert [edge.kind for edge in edges] == ["odometry"] * 29
     _, covariance = chained_graph(edges, 30).optimize().relative(0, 29)
@@ -146,7 +146,7 @@ def test_all_its_edges_together_err_as_much_as_the_whole() -> None:
 
 
 @pytest.mark.parametrize(("stated", "shown"), [(5.0, 5.0), (0.2, 1.0)])
-def test_the_drift_that_registrations_show_counts(stated: float, shown: float) -> None:
+def test_drift_is_scaled_to_what_registrations_show(stated: float, shown: float) -> None:
     """`stated`: how many times too small the drift was said to be."""
     count, rng = 60, np.random.default_rng(12)
     truth, times = ring_poses(count), 100.0 + 2.0 * np.arange(count)
@@ -185,7 +185,7 @@ def possible(probability: float, off: np.ndarray, fixed: float = 1.0) -> Registe
 
 
 @pytest.mark.parametrize("probability", [0.1, 0.3, 0.7])
-def test_a_step_is_believed_as_far_as_it_is_likely(probability: float) -> None:
+def test_only_a_likely_step_is_accepted(probability: float) -> None:
     """Probabilities sum to less than 1."""
     off, given = np.array([0, 0, 0, 0, 2.0, 0]), possible(probability, np.zeros(6)).registration
     assert given is not None
@@ -203,7 +203,7 @@ def test_a_step_is_believed_as_far_as_it_is_likely(probability: float) -> None:
     assert believing_steps(loops, learned(steps(20))) == loops
 
 
-def test_a_likely_step_that_leaves_a_direction_open_is_as_wide_as_the_motion() -> None:
+def test_likely_step_with_unconstrained_direction_gets_the_motions_covariance() -> None:
     given = possible(0.8, np.zeros(6), fixed=0.1)
     (step,) = believing_steps([given], learned(steps(20)))
     assert step.registration is not None
@@ -247,7 +247,7 @@ def test_a_step_needs_seven_tenths_to_be_accepted() -> None:
     assert likely.accepted
 
 
-def test_rare_turns_count() -> None:
+def test_rare_turns_widen_the_motion() -> None:
     """A lawnmower goes straight for long, and then turns: the turns are no errors."""
     pairs = steps(40)
     turn = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
@@ -258,7 +258,7 @@ def test_rare_turns_count() -> None:
     assert 4 * motion.expected(9, 10).sigmas[2] > 4 * USUAL[2]
 
 
-def test_rest_and_transit_are_told_apart() -> None:
+def test_rest_and_transit_have_their_own_rates() -> None:
     """A second under way and 100 s at rest lead as far as the second did, and bridges over either say so."""
     spans = np.array([1.0, 100.0] * 10)
     stamps = 1e9 + np.concatenate([[0.0], np.cumsum(spans)])
@@ -272,7 +272,7 @@ def test_rest_and_transit_are_told_apart() -> None:
     np.testing.assert_allclose(known.expected(0, 2).T_target_source.translation, [1, 0, 0], atol=1e-6)
 
 
-def test_short_steps_of_a_stream_tell_little_of_the_speed() -> None:
+def test_short_steps_of_a_stream_hardly_change_the_speed() -> None:
     """Five steps of a fiftieth of the usual time, whose errors of 5 cm are more than the way."""
     rng = np.random.default_rng(7)
     spans, covariance = np.repeat([0.02, 1.0], [5, 8]), np.diag(np.repeat([0.005, 0.05], 3) ** 2)
@@ -284,7 +284,7 @@ def test_short_steps_of_a_stream_tell_little_of_the_speed() -> None:
     assert (np.abs(motion.usual - USUAL)[3:] < 0.05 * speed).all()
 
 
-def test_what_all_steps_leave_open_stays_as_wide_as_is_assumed() -> None:
+def test_direction_unconstrained_in_all_steps_keeps_the_assumed_spread() -> None:
     motion = learned(placed(steps(40), [4]))
     held = [0, 1, 2, 3, 5]
     assert (np.abs(motion.usual - USUAL)[held] < 4 * SPREAD[held] / np.sqrt(36)).all()
@@ -292,7 +292,7 @@ def test_what_all_steps_leave_open_stays_as_wide_as_is_assumed() -> None:
     assert motion.covariance[4, 4] > 0.5 * motion.usual[3] ** 2 / 3
 
 
-def test_where_few_are_sure_steps_that_leave_directions_open_tell_the_others() -> None:
+def test_steps_with_unconstrained_directions_together_give_the_motion() -> None:
     """Along walls no step may hold all six numbers; together they do."""
     motion = learned(placed(steps(40), [2, 4]))
     assert (np.abs(motion.usual - USUAL) < 6 * SPREAD / np.sqrt(20)).all()
@@ -300,7 +300,7 @@ def test_where_few_are_sure_steps_that_leave_directions_open_tell_the_others() -
     assert Motion.learn(placed(steps(40), [2, 4], 0.4), np.arange(41.0), np.zeros(41, int), FLOOR) is None
 
 
-def test_where_it_tells_nothing_the_learned_motion_does_and_without_anything_is_expected() -> None:
+def test_learned_motion_is_used_where_dead_reckoning_ends() -> None:
     pairs, far = steps(20), RigidTransform.from_translation([500.0, 0, 0])
     learned_motion = learned(pairs)
     motion = MeasuredMotion(Odometry(np.arange(10), POSES[:10], TIMES[:10]), learned_motion, FINE)

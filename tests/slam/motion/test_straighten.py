@@ -35,7 +35,7 @@ def seen(stamp: float, rng: np.random.Generator, world: RigidTransform) -> tuple
 
 
 @pytest.mark.parametrize("world", [RigidTransform.from_exp_coords([1, -2, 0.5, 90, -40, 3])])
-def test_points_are_where_the_stamp_has_them(world: RigidTransform) -> None:
+def test_points_are_in_the_frame_at_the_stamp(world: RigidTransform) -> None:
     rng, stamps = np.random.default_rng(3), 5.0 + np.arange(float(COUNT))
     scans, expected = zip(*(seen(stamp, rng, world) for stamp in stamps.tolist()), strict=True)
     plain = replace(scans[4], times=None)
@@ -57,7 +57,7 @@ def test_points_are_where_the_stamp_has_them(world: RigidTransform) -> None:
     assert all(scan.viewpoints is None for scan in still.scans)
 
 
-def test_bent_scans_lie_where_the_sensor_was_in_the_middle() -> None:
+def test_poses_of_bent_scans_are_those_at_the_middle() -> None:
     rng, stamps = np.random.default_rng(4), np.arange(float(COUNT))
     identity = RigidTransform.identity()
     scans, expected = zip(*(seen(stamp, rng, identity) for stamp in stamps.tolist()), strict=True)
@@ -67,7 +67,7 @@ def test_bent_scans_lie_where_the_sensor_was_in_the_middle() -> None:
         np.testing.assert_allclose(scan.points, points, atol=2e-5)
 
 
-def test_turn_rates_straighten_what_wiggles_faster_than_scans_come() -> None:
+def test_turn_rates_straighten_rotation_faster_than_the_scans() -> None:
     """A sensor that shakes its head between the scans, and what its gyroscope measured of that, with a bias."""
     rng, stamps = np.random.default_rng(6), np.arange(float(COUNT))
 
@@ -99,7 +99,7 @@ def test_turn_rates_straighten_what_wiggles_faster_than_scans_come() -> None:
     assert max(np.abs(rough.scans[k].points - expected[k]).max() for k in range(COUNT - 1)) < 0.2
 
 
-def test_scans_without_a_way_stay() -> None:
+def test_scans_without_a_known_trajectory_are_unchanged() -> None:
     rng, stamps = np.random.default_rng(5), np.arange(float(COUNT))
     scans = [seen(stamp, rng, RigidTransform.identity())[0] for stamp in stamps.tolist()]
     late = replace(scans[-1], times=TIMES + np.float32(1.5))  # beyond what the last step tells
@@ -114,13 +114,13 @@ def test_scans_without_a_way_stay() -> None:
     assert not straightened(restamped, counted, runs, seen_from=0.5).moved.any()
 
 
-def test_ways_end_with_parts_surveys_and_clocks() -> None:
+def test_runs_end_with_components_surveys_and_clocks() -> None:
     stamps = np.array([0.0, 1.0, 2.0, 1.5, 2.5, 7.0, 8.0])
     assert ways([[0, 1, 2, 3, 4], [5, 6]], [0, 0, 0, 0, 1, 1, 1], stamps) == [[0, 1, 2], [3], [4], [5, 6]]
 
 
 @pytest.mark.slow
-def test_a_map_finds_the_way_and_straightens_its_scans() -> None:
+def test_map_straightens_bent_scans_and_leaves_others() -> None:
     """Of a sonar that takes its columns in turn over half the time to the next scan, above a wreck."""
     settings = plan("wreck", seed=7)
     quiet = replace(settings.noise, ghosts=0.0)
@@ -147,7 +147,7 @@ def test_a_map_finds_the_way_and_straightens_its_scans() -> None:
     assert np.degrees(np.median(turns)) < 0.5
 
 
-def test_peaks_of_the_same_pairs_are_compared() -> None:
+def test_sharper_compares_peaks_of_pairs_accepted_both_times() -> None:
     def pairs(*peaks: tuple[int, float, bool]) -> list[Pair]:
         T = RigidTransform.from_components([1.0, 0, 0], Rotation.identity())
         return [
