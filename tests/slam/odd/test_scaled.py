@@ -66,22 +66,22 @@ def test_a_scaled_group_is_named_and_measured(group: str, scale: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_scatter_is_no_group(seed: int) -> None:
+def test_scatter_gives_no_group(seed: int) -> None:
     assert found([], 1.0, Stretching(seed)) is None
 
 
-def test_what_no_change_of_ranges_explains_is_no_group() -> None:
+def test_estimates_that_do_not_respond_to_scaling_give_no_group() -> None:
     """As where one half looks longer for another reason, which a known change of its ranges then shows."""
     longer = dict.fromkeys(GROUPS["half"], 0.004)
     for response in (0.0, 0.9):
         assert found([], 1.0, Stretching(1, response, longer)) is None
 
 
-def test_registrations_that_do_not_say_are_no_evidence() -> None:
+def test_registrations_without_stretch_give_no_group() -> None:
     assert found(GROUPS["half"], 1.03, KnowingRegistrar(TRUTH, 1e-6 * np.eye(6))) is None
 
 
-def test_it_is_the_first_thing_that_is_said_and_the_map_is_not_to_be_trusted() -> None:
+def test_scaled_group_is_the_first_fault_and_the_map_is_not_whole() -> None:
     result = Mapper(Stretching(1), VOXEL).run(scaled_by(1.03, GROUPS["half"]))
     words = contradictions(result)[0]
     assert words.startswith("ranges of scan7 to scan13 (7 scans of 14) are ")

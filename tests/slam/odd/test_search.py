@@ -59,7 +59,7 @@ def mapped(scans: list[Scan], registrar: KnowingRegistrar | None = None, **argum
     ],
 )
 @pytest.mark.quick_cases(1)
-def test_an_odd_scan_is_named_and_left_out(scan: int, change: Change, kind: str, words: str) -> None:
+def test_faulty_scan_is_named_and_left_out(scan: int, change: Change, kind: str, words: str) -> None:
     result = mapped(with_odd({scan: change}))
     (odd,) = result.odd
     assert (odd.scan, odd.kind, odd.change.axes) == (scan, kind, change.axes)
@@ -72,7 +72,7 @@ def test_an_odd_scan_is_named_and_left_out(scan: int, change: Change, kind: str,
 
 
 @pytest.mark.slow
-def test_the_rest_of_the_map_is_as_without_it() -> None:
+def test_faulty_scan_does_not_change_the_map() -> None:
     scans, left = with_odd({5: Change("y")}), [k for k in range(COUNT) if k != 5]
     result, without = mapped(scans), mapped([SCANS[k] for k in left])
     ours, theirs = result.trajectory.T_world_sensor[left], without.trajectory.T_world_sensor
@@ -82,7 +82,7 @@ def test_the_rest_of_the_map_is_as_without_it() -> None:
     assert [pair.scans for pair in result.pairs] == tried
 
 
-def test_a_scan_that_a_neighbor_fits_as_it_is_is_not_odd() -> None:
+def test_scan_that_fits_a_neighbor_is_not_faulty() -> None:
     """As a mirrored scan of a symmetric place: what registrations fit is never left out."""
 
     class Partly(Seeing):
@@ -95,20 +95,20 @@ def test_a_scan_that_a_neighbor_fits_as_it_is_is_not_odd() -> None:
     assert len(result.components) == 1
 
 
-def test_ordinary_surveys_have_none_and_no_pair_is_tried_twice() -> None:
+def test_ordinary_survey_has_no_faulty_scan_and_tries_no_pair_twice() -> None:
     registrar = Seeing()
     assert mapped(SCANS, registrar).odd == ()
     assert len(set(registrar.pairs)) == len(registrar.pairs)
 
 
 @pytest.mark.slow
-def test_a_person_may_vouch_for_a_scan() -> None:
+def test_scan_of_an_accepted_tie_is_not_faulty() -> None:
     result = mapped(with_odd({5: Change("y")}), ties=(Tie(5, 6, "accept"),))
     assert result.odd == ()
     assert len(result.components) == 1
 
 
-def test_a_change_is_done_to_the_viewpoints_too() -> None:
+def test_change_also_changes_viewpoints() -> None:
     points = np.ones((3, 3), np.float32)
     changed = Change("y", 2.0).of(Scan(points, viewpoints=points))
     np.testing.assert_array_equal(changed.points, [[2, -2, 2]] * 3)
@@ -118,7 +118,7 @@ def test_a_change_is_done_to_the_viewpoints_too() -> None:
 
 
 @pytest.mark.slow
-def test_navigation_does_not_bring_it_back() -> None:
+def test_navigation_does_not_place_a_faulty_scan() -> None:
     sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.1])
     at = [PosePrior(RigidTransform.from_translation(T.translation), sigmas) for T in TRUTH]
     scans = [replace(scan, prior=prior) for scan, prior in zip(with_odd({5: Change("y")}), at, strict=True)]
@@ -128,6 +128,6 @@ def test_navigation_does_not_bring_it_back() -> None:
 
 
 @pytest.mark.slow
-def test_several_are_named_also_side_by_side() -> None:
+def test_several_faulty_scans_are_named_also_side_by_side() -> None:
     changes = {3: Change("y"), 4: Change("z"), 8: Change(factor=FOOT)}
     assert [odd.scan for odd in mapped(with_odd(changes)).odd] == [3, 4, 8]
