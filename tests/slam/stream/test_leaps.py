@@ -41,7 +41,7 @@ def test_jumps_are_found_and_placed_between_their_neighbors() -> None:
     assert found.back.all()
 
 
-def test_runs_are_separate_and_fixed_scans_stay() -> None:
+def test_runs_are_separate_and_fixed_scans_never_jump() -> None:
     times, T = track()
     runs, fixed = _free(60)
     runs[20:], fixed[40] = 1, True

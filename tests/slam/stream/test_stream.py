@@ -266,7 +266,7 @@ def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
 
 
 @pytest.mark.slow
-def test_a_user_may_set_the_step() -> None:
+def test_step_setting_gives_the_distance_between_key_scans() -> None:
     result, _ = mapped(step=0.5)
     assert result.keys is not None
     distances = np.linalg.norm(np.diff(STREAM.translation[list(result.keys)], axis=0), axis=1)
