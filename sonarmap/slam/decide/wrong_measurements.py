@@ -148,7 +148,8 @@ def _explained(graph: PoseGraph, plain: _Explanation) -> _Explanation:
     if not plain.fixes.know_tilt(plain.at):
         return plain
     best = found = plain
-    starts, free = [plain.linearized, plain.fixes.shared_error(*_solved(graph, plain.fixes, edges_too=False))], ()
+    full = replace(graph, priors=plain.at.graph.priors).optimize()
+    starts, free = [plain.linearized, plain.fixes.shared_error(full, plain.weights)], ()
     while True:
         tried: list[tuple[_Explanation, tuple[int, ...]]] = []
         for kind in (kind for kind in KINDS_OF_ERROR if kind[0] not in free and plain.fixes.suffice_for(kind)):
@@ -203,7 +204,7 @@ def _strained(solution: Solution) -> int:
     return int((solution.graph.residuals() ** 2 > chi_squared_beyond(_FAR, 6)).sum())
 
 
-def _solved(graph: PoseGraph, fixes: "_Fixes", edges_too: bool = True) -> tuple[Solution, np.ndarray]:
+def _solved(graph: PoseGraph, fixes: "_Fixes") -> tuple[Solution, np.ndarray]:
     """The optimum of edges and fixes, and the fixes' weights there."""
 
     def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
@@ -215,7 +216,7 @@ def _solved(graph: PoseGraph, fixes: "_Fixes", edges_too: bool = True) -> tuple[
     # far fixes begin with a low weight: with full weight they would pull scans off their edges, which can be wrong too
     start = weights_at(graph)
     start /= np.where(fixes.known, start, 0.0).max(axis=0, initial=1e-12)
-    return reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too)
+    return reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too=True)
 
 
 def reweighted(
@@ -305,7 +306,11 @@ class _Fixes:
             precisions[:, numbers] = np.where(self.known[:, kind], weights[:, kind], 0.0)[:, None]
         precisions /= self.sigmas**2
         residuals = self.residuals(at.trajectory.T_world_sensor)
-        return SharedError.of(at.trajectory, at.information(), self.poses, residuals, precisions, error or Systematic())
+        before = error or Systematic()
+        try:
+            return SharedError.of(at.trajectory, at.information(), self.poses, residuals, precisions, before)
+        except RuntimeError as singular:
+            raise at.graph.unsolvable(singular) from singular
 
     def apart(self, one: Solution, other: Solution) -> float:
         """Mean distance between the measured poses of two optima [sigmas of the positions]."""
