@@ -27,7 +27,6 @@ class Dive:
     speed: float = 0.1  # of the vehicle [m/s]
     columns: int = 128  # of the images
     rows: int = 32  # of the images
-    first: int = 0  # the number of the first shot; numbers wrap at 2^32
     seed: int = 3  # of the scene and the noise
 
     @property
@@ -58,4 +57,4 @@ class Dive:
         fields = np.rad2deg((SONAR_3D15.horizontal, SONAR_3D15.vertical)).tolist()
         more = {"speed_of_sound": SPEED, "range": 15.0, "frequency": round(self.rate)}
         image, strength = range_image(0, pixels, PIXEL, fields, **more), strength_image(0, levels[:, ::-1])
-        return packets_of(shot, self.first + shot, stamp_at(shot, self.rate), image, strength)
+        return packets_of(shot, shot, stamp_at(shot, self.rate), image, strength)

@@ -11,12 +11,12 @@ from tests.tools.files.readers.pings.samples import START, Sample, write_gsf
 HERE = Georeference(58.1234, -11.6543)
 
 
-def gsf_of(path: Path, line: PingLine, here: Georeference = HERE, start: float = START) -> Path:
-    """Write a line with equally many soundings per ping as GSF, around the place `here`, from the time `start` on."""
+def gsf_of(path: Path, line: PingLine) -> Path:
+    """Write a line with equally many soundings per ping as GSF, around the place HERE, from the time START on."""
     shape = (len(line.stamps), -1, 3)
     sample = Sample(
-        stamps=start + line.stamps - 1e6,
-        fixes=here.geodetic(line.places)[:, :2],
+        stamps=START + line.stamps - 1e6,
+        fixes=HERE.geodetic(line.places)[:, :2],
         attitudes=np.degrees(line.attitudes),
         heave=np.zeros(len(line.stamps)),
         points=((line.points + [0, 0, 1] * line.places[line.pings]) * [1, -1, -1]).reshape(shape),

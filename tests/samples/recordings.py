@@ -144,14 +144,12 @@ def read_sonar(content: bytes, notes: list[str] | None = None) -> list[Cloud]:
         return list(stream_sonar(path, [] if notes is None else notes))
 
 
-def imu_batch(
-    number: int, times: Sequence[float], forces: np.ndarray, rates: np.ndarray, start: int = int(START)
-) -> rip.ImuBatch:
-    """A batch of samples in the file's axes, x forward, y right, z down; times are seconds after `start`."""
+def imu_batch(number: int, times: Sequence[float], forces: np.ndarray, rates: np.ndarray) -> rip.ImuBatch:
+    """A batch of samples in the file's axes, x forward, y right, z down; times are seconds after START's second."""
     batch = rip.ImuBatch(batch_sequence_id=number, samples=len(times))
     for time in times:
         nanos = round(time * 1e9)
-        batch.timestamp.add(seconds=start + nanos // 10**9, nanos=nanos % 10**9)
+        batch.timestamp.add(seconds=int(START) + nanos // 10**9, nanos=nanos % 10**9)
     batch.specific_force.extend(np.ravel(forces).tolist())
     batch.rate_of_turn.extend(np.ravel(rates).tolist())
     return batch

@@ -40,12 +40,11 @@ def on_screen(
     columns: int = 80,
     rows: int = 24,
     when: str = "",
-    sent: signal.Signals | None = None,
     folder: Path = ROOT,
 ) -> Shown:
     """Run a Python program with a terminal of these columns and rows as its stdin, stdout and stderr, in a folder.
 
-    When a line of the screen first matches the pattern `when`, the screen is kept, and the signal `sent` is sent.
+    When a line of the screen first matches the pattern `when`, the screen is kept.
     """
     pyte = pytest.importorskip("pyte")
     screen = pyte.HistoryScreen(columns, rows, history=10_000)
@@ -65,8 +64,6 @@ def on_screen(
             stream.feed(chunk)
             if when and not moment and any(re.search(when, line) for line in screen.display):
                 moment = _lines(screen)
-                if sent is not None:
-                    os.kill(pid, sent)
     finally:
         if time.monotonic() > end:
             os.kill(pid, signal.SIGKILL)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.kernels.errors import DeviceError
 from sonarmap.slam.execute.worker import WorkerSpec
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
@@ -19,26 +19,21 @@ COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)
 
 class Knowing(KnowingRegistrar):
     """Appends a line per pair to a file; signatures are a scan's mean point. The ending "kill 5 6" ends the
-    process at this pair, "once 5 6" the first time only; "device 5 6", "input 5 6" and "stop 5 6" raise."""
+    process at this pair; "device 5 6" and "stop 5 6" raise."""
 
     def __init__(self, count: int, notes: Path, ending: str = "") -> None:
         super().__init__(ring_poses(count), COVARIANCE, self._end, broken=("scan2",))
         self.notes, self.ending = notes, ending.split()
 
     def _end(self, i: int, j: int, given: Registration) -> Registration:
-        first = not self.notes.exists() or f"{i} {j}" not in self.notes.read_text().splitlines()
         with self.notes.open("a") as file:
             file.write(f"{i} {j}\n")
         if self.ending[1:] == [str(i), str(j)]:
             match self.ending[0]:
                 case "kill":
                     os.kill(os.getpid(), signal.SIGKILL)
-                case "once" if first:
-                    os.kill(os.getpid(), signal.SIGKILL)
                 case "device":
                     raise DeviceError("the device is full")
-                case "input":
-                    raise InputError(f"scan{i} is flat")
                 case "stop":
                     raise KeyboardInterrupt
         return given

@@ -68,6 +68,11 @@ def from_the_first(T: RigidTransform) -> RigidTransform:
     return T[0].inv() * T
 
 
+def distance(one: RigidTransform, other: RigidTransform) -> float:
+    """Root mean square of the distances between positions, the first poses laid on each other [m]."""
+    return position_error(from_the_first(one), from_the_first(other))
+
+
 def step_pair(k: int, T: RigidTransform, covariance: np.ndarray, accepted: bool = True) -> RegisteredPair:
     """The registered pair of scans k and k + 1."""
     return RegisteredPair(k, k + 1, "sequential", registration=registration(T, covariance, accepted))

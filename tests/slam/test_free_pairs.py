@@ -11,6 +11,7 @@ from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.free_pairs import errors_shown, register_freely
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
+from tests.samples.relative_priors import unexact
 from tests.samples.surveys import ring_poses, step_pair
 
 COUNT = 40
@@ -21,14 +22,8 @@ TIGHT = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
 
 def priors(times: Sequence[float], seed: int = 3, known: Sequence[bool] = (True,) * 6) -> dict[int, PosePrior]:
     """Priors whose errors are `times` as large as their sigmas."""
-    rng = np.random.default_rng(seed)
-    measured = {}
-    for k in range(COUNT):
-        error = SIGMAS * np.array(times) * rng.standard_normal(6)
-        T = TRUTH[k]
-        moved = RigidTransform.from_components(T.translation + error[3:], Rotation.from_rotvec(error[:3]) * T.rotation)
-        measured[k] = PosePrior(moved, np.where(known, SIGMAS, np.inf))
-    return measured
+    rng, sigmas = np.random.default_rng(seed), np.where(known, SIGMAS, np.inf)
+    return {k: replace(unexact(TRUTH[k], rng, SIGMAS * times), sigmas=sigmas) for k in range(COUNT)}
 
 
 PAIRS = [step_pair(k, TRUTH[k].inv() * TRUTH[k + 1], TIGHT) for k in range(COUNT - 1)]

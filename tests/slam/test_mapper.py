@@ -19,7 +19,8 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.spectral.scan import Scan
+from tests.samples.relative_priors import unexact
 from tests.samples.surveys import (
     KnowingRegistrar,
     chain_edges,
@@ -199,14 +200,11 @@ def test_later_rounds_try_only_uncertain_pairs():
 SIGMAS = np.array([0.02, 0.02, 0.03, 0.6, 0.6, 0.1])
 
 
-def in_world(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, seed: int = 1) -> list[Scan]:
+def in_world(truth: RigidTransform, sigmas: np.ndarray = SIGMAS) -> list[Scan]:
     """Scans with priors whose errors match their sigmas."""
-    rng = np.random.default_rng(seed)
-    priors = [
-        RigidTransform.from_components(T.translation + rng.normal(0, np.minimum(sigmas[3:], 9.0)), T.rotation)
-        for T in truth
-    ]
-    return [replace(scan, prior=PosePrior(T, sigmas)) for scan, T in zip(scans_of(truth), priors, strict=True)]
+    rng = np.random.default_rng(1)
+    priors = [replace(unexact(T, rng, SIGMAS), sigmas=sigmas) for T in truth]
+    return [replace(scan, prior=prior) for scan, prior in zip(scans_of(truth), priors, strict=True)]
 
 
 def halved(i: int, j: int, given: Registration) -> Registration:
@@ -276,17 +274,3 @@ def test_a_scan_without_registrations_lies_at_its_prior() -> None:
     assert prior is not None
     off = result.trajectory.T_world_sensor[4].translation - prior.T_world_sensor.translation
     np.testing.assert_allclose(off, 0, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_few_prepared_scans_are_held_and_progress_counts_up_to_its_plan():
-    truth = ring_poses(24)
-    registrar, log = KnowingRegistrar(truth, COVARIANCE), list[tuple[int, int, str]]()
-    result = Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth), lambda *args: log.append(args))
-    assert registrar.most_alive <= 4
-    assert registrar.alive == 0
-    assert max(registrar.prepared.values()) <= 6
-    assert [done for done, _, _ in log] == list(range(1, len(result.pairs) + 3))
-    assert all(done <= total for done, total, _ in log)
-    assert log[-1][0] == log[-1][1]
-    assert log[0][2].startswith("scan0 - scan1: accepted")

@@ -91,15 +91,6 @@ def test_loops_are_found_where_the_estimate_expects_them() -> None:
 
 
 @pytest.mark.slow
-def test_no_loops_are_tried_among_settled_scans() -> None:
-    mapper = Mapper(KnowingRegistrar(POSES, COVARIANCE), VOXEL, MapperSettings(LoopSettings(per_scan=2)))
-    pairs = mapper.decided(scans_of(POSES), np.zeros(COUNT, int), (), COUNT // 2).pairs
-    loops = [pair for pair in pairs if pair.role == "loop"]
-    assert loops
-    assert not any(max(pair.scans) < COUNT // 2 for pair in loops)
-
-
-@pytest.mark.slow
 def test_motion_limits_find_steps_without_a_learned_motion() -> None:
     result, registrar = mapped(
         lambda i, j, given: twin(given) if j == i + 1 else refused(given), limits=MotionLimits(step=4.0, turn_rate=0.5)

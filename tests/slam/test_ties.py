@@ -297,9 +297,3 @@ def test_parts_placed_by_points_share_the_world() -> None:
     joined = run(points([0, 4, 9]), Tie(10, 13, "add"))
     assert len(joined.components) == 1
     assert error(joined, IN_WORLD) < 1.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ties", [[], [Tie(11, 12, "reject")]])
-def test_without_such_ties_the_parts_stay_apart(ties: list[Tie]) -> None:
-    assert len(joined(*ties).components) == 2

@@ -57,13 +57,11 @@ def write_ros1(path: Path, records: Sequence[Record], compression: str = "") -> 
     return path
 
 
-def write_ros2(
-    folder: Path, records: Sequence[Record], mcap: bool = False, compression: str = "", version: int = 9
-) -> Path:
+def write_ros2(folder: Path, records: Sequence[Record], mcap: bool = False, compression: str = "") -> Path:
     """A ROS 2 bag in a folder; compression is none, or by file, message or storage."""
     store = types(Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
-    writer = Writer2(folder, version=version, storage_plugin=plugin)
+    writer = Writer2(folder, version=9, storage_plugin=plugin)
     if compression:
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     with writer:

@@ -1,11 +1,9 @@
 """Every kind of file that is read, damaged at random: refused with a message, or read as usable data."""
 
-import json
-import sys
 import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,14 +18,13 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.overview import overview_of
 from sonarmap.tools.files.readers.clouds import las as module
 from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
-from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.bags.samples import recordings
 from tests.samples.cloud_files import SAMPLES, TABLE, las
 from tests.samples.damage.folder_files import folder_files
 from tests.samples.damage.mutations import mutated
 from tests.samples.damage.navigation_files import NAVIGATION_FILES
-from tests.samples.damage.pose_files import POSE_FILES, SCANS, Readable, numbers_in
+from tests.samples.damage.pose_files import POSE_FILES, Readable, numbers_in, read_as_odometry
 from tests.samples.processor_time import processor_time
 from tests.samples.surveys import random_covariance, random_transforms, registration
 
@@ -129,23 +126,17 @@ def _recordings() -> dict[str, Readable]:
     """Bags and MCAP files read as scans, and some as odometry."""
     scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in recordings().items()}
     poses = {
-        f"{kind} as odometry": Readable(scans[kind].name, scans[kind].content, _check_poses(_odometry))
+        f"{kind} as odometry": Readable(scans[kind].name, scans[kind].content, _check_poses(read_as_odometry))
         for kind in ("bag lz4", "mcap zstd", "db3")
     }
     return scans | poses
 
 
-def _odometry(path: Path) -> object:
-    return read_odometry(path, SCANS, 0.01, 0.001)
-
-
-def damage(folder: Path, each: int, seed: int, kinds: Sequence[str] = ()) -> Outcome:
-    """Damage every kind of file, or only `kinds`, `each` times in an empty folder; a seed gives the same damages."""
+def damage(folder: Path, each: int, seed: int) -> Outcome:
+    """Damage every kind of file `each` times in an empty folder; a seed gives the same damages."""
     files, outcome = readables(), Outcome()
     contents = [file.content for file in files.values()]
     for kind, file in files.items():
-        if kinds and kind not in kinds:
-            continue
         ends = outcome.ends[kind] = Counter()
         for number in range(each):
             rng = np.random.default_rng([seed, crc32(kind.encode()), number])
@@ -202,14 +193,3 @@ def _peak(process: Path) -> int:
 def _processes() -> list[Path]:
     kept = [] if module._reader is None else [str(module._reader[1].pid)]
     return [Path("/proc") / process for process in ("self", *kept)]
-
-
-def main() -> None:
-    """Print the outcome as JSON; arguments are the count for each kind, the seed, and optionally the kinds."""
-    with tempfile.TemporaryDirectory() as folder:
-        outcome = damage(Path(folder), int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
-    print(json.dumps([outcome.ends, outcome.faults, outcome.longest, outcome.largest]))
-
-
-if __name__ == "__main__":
-    main()

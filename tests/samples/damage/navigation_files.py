@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_mount
 from tests.samples.damage.pose_files import Readable
@@ -30,11 +29,6 @@ def _check_priors(settings: NavigationSettings, path: Path) -> None:
     assert all((prior.sigmas > 0).all() for prior in priors)
 
 
-def _check_odometry(path: Path) -> None:
-    odometry = read_odometry(path, SCANS, 0.01, 0.001)
-    assert np.isfinite(odometry.T_odom_sensor.as_matrix()).all()
-
-
 _AS_IT_SAYS = partial(_check_priors, AS_IT_SAYS)
 _MOUNTED = partial(_check_priors, NavigationSettings(mount=parse_mount("0,-20,5,1,0,0.5"), offset=0.5))
 _ON_GRID = partial(_check_priors, NavigationSettings(crs="EPSG:32632", frame="ned", heading_reference="grid"))
@@ -44,5 +38,4 @@ NAVIGATION_FILES = {
     "log of a grid": Readable("log.csv", _GRID.encode("utf-16"), _ON_GRID),
     "nmea": Readable("log.nmea", dive(count=12, headings=1).encode(), _AS_IT_SAYS),
     "tum as navigation": Readable("nav.tum", _TUM, _AS_IT_SAYS),
-    "tum as odometry": Readable("odometry.tum", _TUM, _check_odometry),
 }

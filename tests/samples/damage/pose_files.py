@@ -90,7 +90,7 @@ def _csv(key: str) -> bytes:
     return "\n".join([f"{key},{_PRIORS}", *(f"{cell},{_PRIOR_ROW}" for cell in cells), ""]).encode()
 
 
-def _odometry(path: Path) -> object:
+def read_as_odometry(path: Path) -> object:
     return read_odometry(path, SCANS, 0.01, 0.001)
 
 
@@ -115,9 +115,9 @@ POSE_FILES = {
     "odometry.csv": Readable(
         "odometry.csv",
         b"stamp,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m\n0,1,2,30,4,5,6\n1,1,2,30,5,5,6\n2,1,2,30,6,5,6\n",
-        _odometry,
+        read_as_odometry,
     ),
-    "odometry.tum": Readable("odometry.tum", _TUM.encode(), _odometry),
+    "odometry.tum": Readable("odometry.tum", _TUM.encode(), read_as_odometry),
     "ties.csv": Readable("ties.csv", _TIES.encode(), lambda path: read_ties(path, SCANS)),
     "control.csv": Readable("control.csv", _CONTROL.encode(), lambda path: read_control(path, SCANS).points),
     "control on the Earth": Readable("earth.csv", _EARTH.encode(), lambda path: read_control(path, SCANS).points),

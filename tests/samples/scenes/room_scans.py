@@ -18,7 +18,7 @@ def room_poses(count: int, seed: int = 0) -> RigidTransform:
     return RigidTransform.from_components(places, Rotation.from_euler("ZYX", turns))
 
 
-def look(T: RigidTransform, rng: np.random.Generator, sigma: float = 0.02, wild: float = 0.0, name: str = "") -> Scan:
+def look(T: RigidTransform, rng: np.random.Generator, sigma: float = 0.02, wild: float = 0.0) -> Scan:
     """One scan of 120 x 90 beams over 110 x 80 degrees; `sigma` of the ranges [m], share of `wild` echoes."""
     azimuth, elevation = np.meshgrid(np.radians(np.linspace(-55, 55, 120)), np.radians(np.linspace(-40, 40, 90)))
     level = np.cos(elevation)
@@ -28,7 +28,7 @@ def look(T: RigidTransform, rng: np.random.Generator, sigma: float = 0.02, wild:
     true = np.minimum(true, _to_pole(T.translation[:2], aim[:, :2]))
     ranges = true + rng.normal(0, sigma, len(true))
     ranges = np.where(rng.random(len(true)) < wild, rng.uniform(0.5, 30, len(true)), ranges)
-    return Scan((beams * ranges[:, None]).astype(np.float32), name=name or "room")
+    return Scan((beams * ranges[:, None]).astype(np.float32), name="room")
 
 
 def _to_pole(place: np.ndarray, aim: np.ndarray) -> np.ndarray:

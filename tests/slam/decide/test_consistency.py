@@ -1,6 +1,7 @@
 """Which answers agree: cycles through the chain, groups, parts that are joined; by laws."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -26,14 +27,17 @@ COVARIANCE = random_covariance(np.random.default_rng(2), 0.004, 0.03)
 
 
 def test_covariances_of_chains_equal_marginals_of_the_graph():
-    """Of a chain, and of a tree of scans 0-1-2 and 0-3-4, from 2 to 4 by way of 0."""
-    truth = ring_poses(9)
-    tree = [edge(i, j, truth[i].inv() * truth[j], COVARIANCE, "loop") for i, j in ((0, 1), (1, 2), (0, 3), (3, 4))]
-    for edges, pairs in ((chain_edges(truth, COVARIANCE), ((0, 8), (2, 5), (6, 3))), (tree, ((2, 4),))):
+    """Of a chain, and of a random tree, in which the way between two scans passes where their ways divide."""
+    truth, rng = ring_poses(20), np.random.default_rng(8)
+    before = [(int(rng.integers(k)), k) for k in range(1, 20)]
+    tree = [edge(i, j, truth[i].inv() * truth[j], COVARIANCE, "loop") for i, j in before]
+    ways = [*permutations(range(20), 2)]
+    for edges, pairs in ((chain_edges(truth, COVARIANCE), ((0, 8), (2, 5), (6, 3))), (tree, ways)):
         chains, solution = chain_parts(len(edges) + 1, edges), chained_graph(edges, len(edges) + 1).optimize()
         for i, j in pairs:
             gathered = propagated(chains.T[j].inv(), chains.between(np.array([i]), np.array([j]))[0])
             np.testing.assert_allclose(gathered, solution.relative(i, j)[1], rtol=1e-3, atol=1e-9)
+        assert chains.meeting(np.array([7]), np.array([7])).tolist() == [7]
 
 
 BOUND = 4.74
@@ -104,25 +108,6 @@ def test_distance_from_the_chain_is_in_joint_sigmas():
         assert found.agrees == (sigmas < BOUND)
     (granted,) = support_of(chains, [answer(truth, 1, 4, off)], np.repeat([0.1, 1.0], 3), BOUND)
     assert granted.agrees
-
-
-def test_meeting_is_the_lowest_common_ancestor():
-    rng = np.random.default_rng(8)
-    for _ in range(20):
-        count = int(rng.integers(2, 40))
-        before = [0, *(int(rng.integers(k)) for k in range(1, count))]
-        edges = [
-            edge(before[k], k, RigidTransform.from_translation(rng.normal(size=3)), COVARIANCE, "loop")
-            for k in range(1, count)
-        ]
-        chains = chain_parts(count, edges)
-        lines = [[k] for k in range(count)]
-        for line in lines:
-            while line[-1]:
-                line.append(before[line[-1]])
-        i, j = rng.integers(count, size=(2, 50))
-        wanted = [next(k for k in lines[a] if k in lines[b]) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
-        assert chains.meeting(i, j).tolist() == wanted
 
 
 def test_agreeing_hypotheses_join_components_in_any_frames():

@@ -8,7 +8,6 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
 from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import drawn, measurements_of, random_covariance, registration, ring_poses
@@ -134,15 +133,6 @@ def open_along(
     assert given.registration is not None
     loose = COVARIANCE + np.diag([0, 0, 0, 25.0, 0, 0])
     return replace(given, registration=replace(given.registration, covariance=loose))
-
-
-INSIDE, CONTRADICTING, JOINING = Support(sigmas=0.5, agrees=True), Support(sigmas=30.0), Support()
-
-
-def answers(support: Support, count: int, accepted: bool = True) -> list[PossibleEdge]:
-    """Accepted ones without a probability count as right with 90 %."""
-    given = registration(RigidTransform.identity(), COVARIANCE, accepted)
-    return [PossibleEdge(k, k + 9, given, support=support) for k in range(count)]
 
 
 @pytest.mark.slow

@@ -76,6 +76,10 @@ def test_only_unmeasured_motions_are_held(kinds: list[str], open_motions: list[s
         if name not in open_motions:
             np.testing.assert_allclose(T.translation[:, number], truth.translation[:, number], atol=0.05)
     assert np.isfinite(solution.covariances()).all()
+    free = sum(motion.axes.shape[1] for motion in solution.graph.gauge.open_motions.values())
+    measured = 6 * (COUNT - 1) + COUNT * sum(len(KINDS[kind]) for kind in kinds)
+    assert solution.degrees_of_freedom == measured - (6 * COUNT - free)
+    assert solution.graph.anchors == ()
 
 
 @pytest.mark.quick_cases(1)

@@ -1,8 +1,5 @@
 """Trajectories and the pose graph: chains, conventions against Monte Carlo, loops, gauges, and a public benchmark."""
 
-import time
-from itertools import accumulate
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
@@ -14,8 +11,6 @@ from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from sonarmap.tools.files.readers.g2o import read_g2o
-from tests.samples.places import DATA
 from tests.samples.surveys import (
     chain_edges,
     chained_graph,
@@ -26,8 +21,6 @@ from tests.samples.surveys import (
     random_transforms,
     ring_poses,
 )
-
-GRAPHS = DATA / "graphs"
 
 
 def ring_graph(count: int, rng: np.random.Generator, loops: bool) -> tuple[RigidTransform, PoseGraph]:
@@ -97,18 +90,6 @@ def test_refuses_edges_and_fixed_poses_out_of_range():
         PoseGraph(trajectory, (), fixed=(2,))
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
-def test_sphere2500_from_its_own_initial_estimate():
-    """GTSAM's full-information cost; four settings of the optimizer found this same optimum."""
-    graph = read_g2o(GRAPHS / "sphere2500.g2o")
-    start = time.process_time()
-    solution = graph.optimize()
-    assert time.process_time() - start < 30
-    assert solution.converged
-    assert solution.chi_squared_after == pytest.approx(1351.40192585, rel=1e-8)
-
-
 def test_the_optimum_moves_with_the_first_pose_whatever_the_order_of_edges():
     rng = np.random.default_rng(9)
     _, graph = ring_graph(12, rng, loops=True)
@@ -120,11 +101,10 @@ def test_the_optimum_moves_with_the_first_pose_whatever_the_order_of_edges():
     np.testing.assert_allclose(other.as_matrix(), (moved * found).as_matrix(), atol=1e-4)
 
 
-@pytest.mark.parametrize("fixed", [(5,)])
-def test_the_start_from_edges_uses_only_the_held_poses(fixed):
+def test_the_start_from_edges_uses_only_the_held_poses():
     rng = np.random.default_rng(10)
     _, graph = ring_graph(12, rng, loops=True)
-    solved = PoseGraph(graph.optimize().trajectory, graph.edges, fixed)
+    solved = PoseGraph(graph.optimize().trajectory, graph.edges, (5,))
     lost = random_transforms(rng, 12, 1.5, 30.0)
     known = list(solved.anchors)
     T = RigidTransform.from_matrix(
@@ -204,17 +184,11 @@ def test_edges_refuse_invalid_indices_kinds_and_covariances(i, j, kind, covarian
         edge(i, j, RigidTransform.identity(), covariance, kind)
 
 
-def test_chain_composes_like_matrices_and_take_keeps_stamps_beside_their_poses():
+def test_take_keeps_stamps_beside_their_poses():
     T = random_transforms(np.random.default_rng(0), 5)
     taken = Trajectory(np.arange(5.0), T).take([3, 1])
     np.testing.assert_array_equal(taken.stamps, [3, 1])
     np.testing.assert_array_equal(taken.T_world_sensor.as_matrix(), T.as_matrix()[[3, 1]])
-    rng = np.random.default_rng(1)
-    steps = random_transforms(rng, 6)
-    edges = [edge(k, k + 1, step, COVARIANCE) for k, step in enumerate(steps)]
-    wanted = list(accumulate(steps.as_matrix(), np.matmul, initial=np.eye(4)))
-    rng.shuffle(edges)
-    np.testing.assert_allclose(chain(edges, np.zeros(7)).T_world_sensor.as_matrix(), wanted, atol=1e-12)
 
 
 def test_components_start_at_the_identity_or_at_their_prior():

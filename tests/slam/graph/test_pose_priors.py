@@ -61,18 +61,6 @@ def test_an_unmeasured_heading_does_not_count():
     assert results[0].chi_squared_after == pytest.approx(results[1].chi_squared_after, rel=1e-3)
 
 
-def test_priors_place_a_chain_in_the_world_and_lower_its_covariances():
-    truth, edges = ring(12)
-    bare = chained_graph(edges, 12).optimize()
-    priors = {k: prior_of(truth[k], "attitude", "heading", "depth", "position") for k in range(12)}
-    solution = graph(edges, priors, 12).optimize()
-    off = solution.trajectory.T_world_sensor.translation - truth.translation
-    assert np.abs(off).max() < 0.3
-    assert np.abs(off[:, 2]).max() < 0.05
-    # depths and attitudes of all scans make the last pose more certain
-    assert solution.covariances()[-1, 0, 0] < bare.covariances()[-1, 0, 0]
-
-
 def test_a_chain_is_placed_by_headings_or_by_positions():
     truth, _ = ring(8)
     part = Trajectory(np.zeros(8), truth[0].inv() * truth)
@@ -176,7 +164,7 @@ def test_left_out_poses_are_no_vertices(tmp_path: Path) -> None:
 @pytest.mark.parametrize("head", ["EDGE_SE3_PRIOR 3 9", "EDGE_SE3_PRIOR:QUAT 3 3", "EDGE_SE3_PRIOR:QUAT 3"])
 def test_priors_of_other_programs_count_the_same(head: str, tmp_path: Path) -> None:
     """With or without the number of an offset: pose, then information, translation first, about the pose's own axes."""
-    information, order = semidefinite(6, 6, 3), [3, 4, 5, 0, 1, 2]
+    information, order = semidefinite(6, 4, 3), [3, 4, 5, 0, 1, 2]
     upper = information[np.ix_(order, order)][np.triu_indices(6)]
     pose = [*T_KNOWN.translation, *T_KNOWN.rotation.as_quat()]
     path = tmp_path / "prior.g2o"
@@ -207,31 +195,6 @@ def test_faulty_lines_are_named(lines: list[str], words: str, tmp_path: Path) ->
         read_g2o(path)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_a_vehicle_that_hardly_moves_stays_about_level(seed):
-    """Positions to 3 m along a line of 2.5 m would give any roll: it is unconstrained, and stays as it was."""
-    leveled = RigidTransform.from_components(0.5 * np.outer(np.arange(6), [1.0, 0.3, 0.05]), Rotation.identity(6))
-    truth = RigidTransform.from_rotation(Rotation.from_euler("ZYX", [2.1, 0.05, -0.05])) * leveled
-    edges = chain_edges(truth, 1e-6 * np.eye(6))
-    rng = np.random.default_rng(seed)
-    sigmas = np.array([np.inf, np.inf, 0.05, 3.0, 3.0, 0.1])
-    off = [RigidTransform.from_translation(rng.normal(size=3) * sigmas[3:]) for _ in range(6)]
-    priors = {k: PosePrior(off[k] * truth[k], sigmas) for k in range(6)}
-    solution = graph(edges, priors, 6).optimize()
-    turned = (truth.rotation.inv() * solution.trajectory.T_world_sensor.rotation).magnitude()
-    assert np.rad2deg(turned).max() < 12
-    assert solution.graph.gauge.unmeasured[0].tolist() == [True, True, False, False, False, False]
-
-
-def test_coupled_turns_and_shifts_count_too() -> None:
-    information = semidefinite(6, 4, 3)
-    small = 1e-3 * OFF
-    assert squared(KnownPose(0, T_KNOWN, information), moved(small)) == pytest.approx(
-        small @ information @ small, rel=1e-3
-    )
-
-
 @pytest.mark.parametrize("row", range(6))
 def test_each_error_counts_with_its_own_sigma(row):
     """A fixed pose with a prior: chi-squared is the error over its sigma, squared."""
@@ -244,27 +207,3 @@ def test_each_error_counts_with_its_own_sigma(row):
         Trajectory(np.zeros(1), RigidTransform.concatenate([true])), (), (0,), ((0, PosePrior(measured, SIGMAS)),)
     )
     assert held.optimize().chi_squared_after == pytest.approx(0.09, rel=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("known", "free"),
-    [
-        (("attitude", "heading", "position", "depth"), 0),
-        (("attitude", "depth"), 3),
-        (("position",), 3),
-        (("depth",), 3),
-        (("position", "depth"), 0),
-    ],
-)
-def test_unmeasured_motions_are_held(known, free):
-    truth, edges = ring(6)
-    priors = {k: prior_of(truth[k], *known) for k in (0, 2, 3, 5)}
-    whole = graph(edges, priors, 6)
-    assert sum(motion.axes.shape[1] for motion in whole.gauge.open_motions.values()) == free
-    assert whole.anchors == ()
-    solution = whole.optimize()
-    measured = 30 + 4 * sum({"attitude": 2, "heading": 1, "position": 2, "depth": 1}[name] for name in known)
-    assert solution.degrees_of_freedom == measured - (36 - free)
-    assert solution.chi_squared_after <= solution.chi_squared_before
-    assert np.isfinite(solution.covariances()).all()

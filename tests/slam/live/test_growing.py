@@ -325,18 +325,5 @@ def test_dead_reckoning_joins_parts() -> None:
 
 
 @pytest.mark.slow
-def test_covariances_grow_along_the_track() -> None:
-    truth = ring_poses(30, turns=0.5)
-    grown = growing(truth)
-    sigmas: list[float] = []
-    for scan in scans_of(truth):
-        placed = grown.add(scan)
-        assert placed is not None
-        sigmas.append(float(np.trace(grown.pose(placed).covariance[3:, 3:])))
-    assert sigmas[0] == 0.0
-    assert sigmas[-1] > 2 * sigmas[5]
-
-
-@pytest.mark.slow
 def test_without_navigation_a_jump_leaves_two_parts() -> None:
     assert len(jumped(lambda _: None)[0].parts) == 2

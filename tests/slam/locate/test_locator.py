@@ -65,7 +65,6 @@ def test_a_scan_is_located_with_a_covariance(located: Located) -> None:
     assert 0 < located.overlap <= 1
     assert located.psr > 10
     assert located.seconds > 0
-    assert len(str(located).splitlines()) == 3
 
 
 @pytest.mark.slow
@@ -92,7 +91,6 @@ def test_a_scan_that_shows_nothing_is_not_located(surveyed: SurveyedMap) -> None
     assert flat.place is None
     assert "plane" in flat.reason
     assert np.isinf(flat.covariance.diagonal()).all()
-    assert len(str(flat).splitlines()) == 2
 
 
 def twins(measured: bool) -> SurveyedMap:
@@ -112,10 +110,9 @@ def test_of_two_places_that_look_the_same_none_is_accepted() -> None:
     assert shift == pytest.approx(60, abs=1)
 
 
-@pytest.mark.parametrize("twin", [AWAY])
 @pytest.mark.slow
-def test_a_prior_chooses_between_places_that_look_the_same(twin: RigidTransform) -> None:
-    T = twin * T_WORLD_SENSOR[3]
+def test_a_prior_chooses_between_places_that_look_the_same() -> None:
+    T = AWAY * T_WORLD_SENSOR[3]
     prior = PosePrior(T, np.array([0.02, 0.02, 0.05, 2.0, 2.0, 1.0]))
     check_at(locator(twins(measured=True)).locate(replace(scan_at(T_WORLD_SENSOR[3]), prior=prior)), T)
 

@@ -88,14 +88,12 @@ def test_a_pole_at_the_edge_that_only_one_scan_saw_stays() -> None:
     assert sum(has(parted.clean, place) for place in inner) > 0.95 * len(inner)
 
 
-@pytest.mark.parametrize("echo", [(14.2, 0.3, 0.2)])
-def test_an_echo_that_two_scans_saw_stays(echo: tuple) -> None:
+def test_an_echo_that_two_scans_saw_stays() -> None:
+    echo = (14.2, 0.3, 0.2)
     places = [AT, ASIDE, (0.1, -2.0, 0.3)]
     scans = [wall(place, extra=(echo,) * (place in (AT, ASIDE))) for place in places]
     assert has(mapped(places, scans).clean, echo)
     assert has(mapped(places, scans, min_seen=3).doubtful, echo)
-    everything = mapped(places, [scans[0], wall(ASIDE), scans[2]], min_seen=1)
-    assert not len(everything.doubtful.points)
 
 
 @pytest.fixture(scope="module")
@@ -189,4 +187,7 @@ def test_order_and_names_of_scans_and_the_world_frame_do_not_matter(scans: list[
         assert abs(len(one.points) - len(other.points)) <= 2
     shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
     moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL))
-    assert abs(moved.clean.doubted - parted.clean.doubted) <= 5  # rounding may move a point over a cell's rim
+    # rounding may move a point over a cell's rim
+    assert abs(moved.clean.doubted - parted.clean.doubted) <= 5
+    assert abs(moved.clean.removed - parted.clean.removed) <= 2
+    assert abs(len(moved.clean.points) - len(parted.clean.points)) <= 5

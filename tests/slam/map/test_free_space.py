@@ -50,17 +50,13 @@ def test_wild_echoes_are_removed_and_surfaces_stay(wild: float, moved: bool) -> 
 
 
 @pytest.mark.slow
-def test_removal_is_reproducible_moves_with_the_world_and_needs_certain_poses() -> None:
+def test_removal_is_reproducible_and_needs_certain_poses() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
     first, second = clean_map(PlacedScans.of(scans, T, VOXEL)).clean, clean_map(PlacedScans.of(scans, T, VOXEL)).clean
     assert first.removed > 100
     for name in ("points", "sigma", "scan", "seen", "count", "survey"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
-    shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
-    moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL)).clean
-    assert abs(moved.removed - first.removed) <= 2  # rounding may move a point over a cell's rim
-    assert abs(len(moved.points) - len(first.points)) <= 5
     # with uncertain poses it is unknown whether beams passed a point
     vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
     assert clean_map(PlacedScans.of(scans, T, VOXEL, covariances=vague)).clean.removed == 0

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.edge import Edge, scaled
-from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
+from sonarmap.slam.motion.local_motion import Step, likeness, rates_by_others
 from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
@@ -115,16 +115,6 @@ def test_hypotheses_out_of_reach_are_dropped() -> None:
 SURE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
 
 
-def drifting(count: int = 40) -> list[RigidTransform]:
-    """Steps of 2 m, of which the vehicle looks aside by an angle that swings: by 29 degrees at most, over 40 steps."""
-    aside = 0.5 * np.sin(2 * np.pi * np.arange(count) / 40)
-    shifts = 2.0 * np.column_stack([np.cos(aside), np.sin(aside), np.zeros(count)])
-    return [
-        RigidTransform.from_components(shift, Rotation.from_rotvec([0.0, 0.0, 0.02 * np.cos(k)]))
-        for k, shift in enumerate(shifts)
-    ]
-
-
 ALIKE = np.array([0.0, 0.5, 0.8, 0.3, 0.9, 0.6])
 
 
@@ -173,34 +163,6 @@ def test_distance_constrains_no_direction_of_a_hovering_vehicle() -> None:
     assert held is not None
     assert held.covariance[3, 3] == pytest.approx(motion.expected(4, 5).sigmas[3] ** 2, rel=0.05)
     assert np.linalg.norm(held.T_target_source.translation) < 0.02
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("slid", [1.5, 9.0])
-def test_along_a_wall_steps_follow_the_local_motion(slid: float) -> None:
-    """Steps 6 to 13 see one wall, 30 degrees off ahead: how far they lead along it, the scans do not tell at all.
-
-    Where they seem to lead farther than the vehicle ever goes, they contradict the motion no more than elsewhere.
-    """
-    true, bare = drifting(), range(6, 14)
-    along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
-    pairs = []
-    for k, T in enumerate(true):
-        given = registration(T, SURE, accepted=k not in bare)
-        if k in bare:
-            in_source = T.rotation.inv().apply(along)
-            open_along = SURE + np.pad(np.outer(in_source, in_source) * 50.0**2, (3, 0))
-            given = registration(RigidTransform.from_translation(-slid * along) * T, open_along, accepted=False)
-        pairs.append(RegisteredPair(k, k + 1, "sequential", registration=given))
-    motion = learned(pairs)
-    for k in bare:
-        held = with_motion([pairs[k]], motion)[0].registration
-        assert held is not None
-        off = rate_of(held.T_target_source)[3:] - rate_of(true[k])[3:]
-        assert abs(off @ along) < 0.15
-        assert np.linalg.norm(off) < 3 * np.sqrt(np.trace(held.covariance[3:, 3:]))
-    # the usual step alone, which looks straight ahead, is off by three times as much
-    assert abs((motion.usual[3:] - true[10].translation) @ along) > 0.4
 
 
 @pytest.mark.parametrize("gaps", [np.ones(9), np.array([1.0, 2.0, 0.5, 1.0, 4.0, 1.0, 1.0, 0.25, 1.0])])
@@ -275,11 +237,9 @@ def test_retry_about_an_estimate_includes_the_covariance_of_the_expected_pose() 
     assert second.registration is not None
     both = with_both(first, second).registration
     assert both is not None
-    T = second.registration.T_target_source
-    away = (T.inv() * EXPECTED.T_target_source).as_exp_coords()
-    R = np.kron(np.eye(2), T.rotation.as_matrix())
-    widened = R.T @ np.diag(EXPECTED.sigmas**2) @ R + np.outer(away, away)
-    np.testing.assert_allclose(both.covariance - second.registration.covariance, 0.1 * widened, atol=1e-7)
+    widened = both.covariance - second.registration.covariance
+    window = (EXPECTED.sigmas[3:] ** 2).sum()  # the second answer is wrong with a probability of a tenth
+    assert 0.1 * window < np.trace(widened[3:, 3:]) < 0.15 * window
     # about the usual motion the steps themselves are weighed
     by_motion = with_both(first, second, MOTION).registration
     assert by_motion is not None

@@ -1,7 +1,7 @@
 """Simulated lines of a multibeam echo sounder over a random relief: true, and as recorded with biases."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,31 +13,28 @@ WRONG = Biases(0.2, *np.radians([0.5, 1.0, 1.5]).tolist())
 LEVER = np.array([0.35, -0.2, -0.6])  # the transducer in the vehicle, x forward, y port, z up [m]
 OPENING = np.radians(60.0)  # to either side
 RATE = 5.0  # pings per second
+DEPTH = 11.6  # below the vehicle's level at the origin [m]
+NOISE = 0.02  # of ranges [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Relief:
     """A slope and a sum of waves, longer ones higher."""
 
-    waves: np.ndarray  # (W, 2) [rad/m]
-    phases: np.ndarray  # (W,)
-    heights: np.ndarray  # (W,) amplitudes [m]
-    slope: np.ndarray = field(default_factory=lambda: np.array([0.006, -0.004]))
-    depth: float = 11.6  # below the vehicle's level at the origin [m]
+    waves: np.ndarray  # (32, 2) [rad/m]
+    phases: np.ndarray  # (32,)
+    heights: np.ndarray  # (32,) amplitudes [m]
 
     @classmethod
-    def of(cls, rng: np.random.Generator, rms: float, count: int = 32) -> "Relief":
-        lengths, courses = np.geomspace(2.0, 40.0, count), rng.uniform(0, 2 * np.pi, count)
+    def of(cls, rng: np.random.Generator, rms: float) -> "Relief":
+        lengths, courses = np.geomspace(2.0, 40.0, 32), rng.uniform(0, 2 * np.pi, 32)
         waves = 2 * np.pi / lengths[:, None] * np.column_stack([np.cos(courses), np.sin(courses)])
         heights = lengths**1.5
-        return cls(waves, rng.uniform(0, 2 * np.pi, count), heights * rms / np.sqrt((heights**2).sum() / 2))
+        return cls(waves, rng.uniform(0, 2 * np.pi, 32), heights * rms / np.sqrt((heights**2).sum() / 2))
 
     def __call__(self, xy: np.ndarray) -> np.ndarray:
         """(N,) Up [m] at (N, 2) East and North."""
-        z = xy @ self.slope - self.depth
-        if self.heights.any():
-            z += np.cos(xy @ self.waves.T + self.phases) @ self.heights
-        return z
+        return xy @ [0.006, -0.004] - DEPTH + np.cos(xy @ self.waves.T + self.phases) @ self.heights
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +88,6 @@ def simulated(
     beams: int = 256,
     constant: Sequence[float] = (0.0, 0.0),
     drift: Sequence[float] = (0.0, 0.0),
-    noise: float = 0.02,
 ) -> Survey:
     """Five lanes in alternating directions with 20 % overlap, and a crossing one.
 
@@ -100,7 +96,7 @@ def simulated(
     """
     rng = np.random.default_rng(seed)
     relief = Relief.of(rng, rms)
-    both = [_recorded(relief, lane, biases, pings, beams, (constant, drift), noise, rng) for lane in lanes(pings, rng)]
+    both = [_recorded(relief, lane, biases, pings, beams, (constant, drift), rng) for lane in lanes(pings, rng)]
     return Survey([recorded for recorded, _ in both], [true for _, true in both])
 
 
@@ -125,7 +121,6 @@ def _recorded(
     pings: int,
     beams: int,
     navigation: tuple[Sequence[float], Sequence[float]],
-    noise: float,
     rng: np.random.Generator,
 ) -> tuple[PingLine, PingLine]:
     stamps = lane.start + np.arange(pings) / RATE
@@ -141,7 +136,7 @@ def _recorded(
     really = np.einsum("pij,bj->pbi", R_level_vehicle @ R_vehicle_sounder, beam)
     origins = places + np.einsum("pij,pj->pi", R_world_level, sensors)
     rays = np.einsum("pij,pbj->pbi", R_world_level, really).reshape(-1, 3)
-    ranges = intersected(relief, np.repeat(origins, beams, axis=0), rays) + noise * rng.standard_normal(len(rays))
+    ranges = intersected(relief, np.repeat(origins, beams, axis=0), rays) + NOISE * rng.standard_normal(len(rays))
     of = np.repeat(np.arange(pings), beams)
     errors = _errors(stamps - lane.start, navigation, rng)
     late = lane.place(stamps - biases.latency) + errors
@@ -168,7 +163,7 @@ def intersected(relief: Relief, origins: np.ndarray, rays: np.ndarray) -> np.nda
         at = origins + r[:, None] * rays
         return at[:, 2] - relief(at[:, :2])
 
-    far = (origins[:, 2] + relief.depth) / -rays[:, 2]
+    far = (origins[:, 2] + DEPTH) / -rays[:, 2]
     near = 0.9 * far
     f_near, f_far = above(near), above(far)
     for _ in range(7):

@@ -54,13 +54,6 @@ class TestEstimate:
         with pytest.raises(InputError, match="`mounting`"):
             estimate_biases(lines, mounting=Biases())
 
-    @pytest.mark.slow
-    def test_navigation_errors_do_not_look_like_biases(self) -> None:
-        seen = estimate_biases(surveyed(2, Biases(), lost=True))
-        assert (np.abs(sigmas(seen, Biases())) < 3).all()
-        assert seen.remaining < 0.2 * seen.before
-        assert seen.navigation.shape == (6, 3)
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize("truth", [WRONG, Biases()], ids=["wrong", "right"])

@@ -1,8 +1,5 @@
 """Files cut anywhere, damaged anywhere, or garbage: refused or harmless, without a warning."""
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,6 @@ from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH
 from tests.samples.damage.damaged_files import damage, readables
 from tests.samples.damage.navigation_files import NAVIGATION_FILES
-from tests.samples.places import ROOT
 
 pytestmark = pytest.mark.filterwarnings("error")
 NAMES = list(SAMPLES)
@@ -47,25 +43,11 @@ def test_a_file_cut_anywhere_is_refused(tmp_path, sample):
 class TestDamageOfEveryKindOfFile:
     """Scans, trajectories, graphs, priors, settings and journals; damaged as mutations.py has it."""
 
-    def test_a_few_are_refused_or_harmless(self, tmp_path: Path) -> None:
-        outcome = damage(tmp_path, each=6, seed=2)
+    @pytest.mark.parametrize(("count", "seed"), [(400, 2), pytest.param(10_000, 1, marks=pytest.mark.slow)])
+    def test_all_are_refused_or_harmless(self, tmp_path: Path, count: int, seed: int) -> None:
+        outcome = damage(tmp_path, count // len(readables()), seed)
         assert outcome.faults == []
         assert sum(ends["refused"] > 0 for ends in outcome.ends.values()) > 0.9 * len(outcome.ends)
         assert sum(outcome.ends[kind]["read"] for kind in NAVIGATION_FILES) > 0
         assert outcome.longest[0] < MOST_SECONDS
         assert outcome.largest[0] < MOST_MEMORY
-
-    @pytest.mark.slow
-    def test_ten_thousand_are_refused_or_harmless(self) -> None:
-        """In a process of its own, which holds nothing else."""
-        each = -(-10_000 // len(readables()))
-        command = [sys.executable, "-m", "tests.samples.damage.damaged_files", str(each), "1"]
-        ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-        assert ended.returncode == 0, ended.stderr
-        ends, faults, longest, largest = json.loads(ended.stdout)
-        print("\n".join(f"{kind:24} {counts}" for kind, counts in ends.items()))
-        print(f"{sum(sum(counts.values()) for counts in ends.values())} damaged files, {len(faults)} faults")
-        print(f"longest {longest[0]:.2f} s ({longest[1]}), memory {largest[0] / 2**20:.0f} MiB ({largest[1]})")
-        assert faults == []
-        assert longest[0] < MOST_SECONDS
-        assert largest[0] < MOST_MEMORY
