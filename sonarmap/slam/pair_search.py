@@ -17,12 +17,12 @@ from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.reconsider import (
-    believing_steps,
     expected_by,
     is_doubtful,
     with_both,
+    with_likely_steps,
     with_motion,
-    without_leaps,
+    without_unreachable,
 )
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
@@ -100,7 +100,7 @@ class PairSearch:
         pairs = self._retried(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
-        return believing_steps(self._with_motion(pairs), self._motion)
+        return with_likely_steps(self._with_motion(pairs), self._motion)
 
     def bridges(self, steps: Sequence[RegisteredPair], widest: int) -> list[RegisteredPair]:
         """Pairs across gaps, the closest scans first and at most `widest` apart; none farther once a gap is bridged."""
@@ -133,7 +133,7 @@ class PairSearch:
         pairs = self._runner.register(candidates)
         if self._motion is not None:
             survey = self.measurements.surveys.tolist()
-            pairs = [without_leaps(p, self._motion) if survey[p.i] == survey[p.j] else p for p in pairs]
+            pairs = [without_unreachable(p, self._motion) if survey[p.i] == survey[p.j] else p for p in pairs]
         if not hasattr(self._registrar, "register_expected"):
             return pairs
         return self._about_estimate(pairs, decision.solution)

@@ -10,11 +10,11 @@ from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
 from sonarmap.slam.decide.hand import hand_edges
-from sonarmap.slam.decide.lone import without_lone_steps
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.verdict import with_verdicts
+from sonarmap.slam.decide.weak_steps import without_weak_steps
 from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
 from sonarmap.slam.decide.wrong_measurements import JudgedFixes, judge_fixes
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
@@ -74,7 +74,7 @@ def decide(
     that a person rejected never. A doubtful consecutive pair that no pair across confirms is a gap, except where dead
     reckoning joins its scans. `voxel` is in meters.
     """
-    pairs = without_lone_steps(pairs, {*measurements.ties, *((edge.i, edge.j) for edge in measurements.steps)})
+    pairs = without_weak_steps(pairs, {*measurements.ties, *((edge.i, edge.j) for edge in measurements.steps)})
     distrusted: set[tuple[int, int]] = set()
     while True:
         decision, contradicted = _decide(pairs, measurements, settings.floor(voxel), settings.bound, distrusted)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.motion.limits import NO_LIMITS, MotionLimits
 from sonarmap.slam.motion.motion import Motion
-from sonarmap.slam.motion.reconsider import believing_steps, is_doubtful, with_both, with_motion, without_leaps
+from sonarmap.slam.motion.reconsider import is_doubtful, with_both, with_likely_steps, with_motion, without_unreachable
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.slam.stream.keys import KeySettings, key_share
 from sonarmap.spectral.result import Registration
@@ -147,7 +147,7 @@ class Tracker:
         if self.looks_again and is_doubtful(pair, motion):
             again = self.register(keys[last], scan, replace(step, expected=motion.expected(*pair.scans)))
             pair = with_both(pair, again.renumbered(number), motion)
-        pair = believing_steps(with_motion([without_leaps(pair, motion)], motion), None)[0]
+        pair = with_likely_steps(with_motion([without_unreachable(pair, motion)], motion), None)[0]
         registration = pair.registration
         if registration is not None and registration.accepted and not self._is_credible(pair, registration, motion):
             pair = replace(pair, registration=replace(registration, accepted=False))

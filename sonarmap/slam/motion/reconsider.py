@@ -56,7 +56,7 @@ def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion |
     return replace(second, registration=replace(retry, alternatives=(*retry.alternatives, *earlier)))
 
 
-def without_leaps(pair: RegisteredPair, motion: AnyMotion) -> RegisteredPair:
+def without_unreachable(pair: RegisteredPair, motion: AnyMotion) -> RegisteredPair:
     """The pair of one survey without hypotheses that are out of the vehicle's reach."""
     registration = pair.registration
     if registration is None:
@@ -79,7 +79,7 @@ def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.n
     return [ExpectedPose.of(T_i_j, covariance) for T_i_j, covariance in zip(T, wider, strict=True)]
 
 
-def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -> list[RegisteredPair]:
+def with_likely_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -> list[RegisteredPair]:
     """The pairs, with a higher probability of consecutive ones, which nearly always overlap.
 
     Those that are then likely are accepted; the usual motion widens covariances with an unconstrained direction.

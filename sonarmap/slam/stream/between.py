@@ -19,7 +19,7 @@ from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.motion import scan_times
-from sonarmap.slam.stream.refine import Between, Refined, refine, without_leaps
+from sonarmap.slam.stream.refine import Between, Refined, refine, without_jumps
 from sonarmap.spectral.result import Registration
 
 
@@ -109,7 +109,7 @@ def _refined(
     T_keys = {k: decision.solution.trajectory.T_world_sensor[n] for n, k in enumerate(keys)}
     times = scan_times(measurements.stamps, measurements.surveys)
     runs = _runs(components, between, measurements.surveys)
-    return without_leaps(runner, between, refine(runner, between, floor), T_keys, times, runs, floor)
+    return without_jumps(runner, between, refine(runner, between, floor), T_keys, times, runs, floor)
 
 
 def _slim(edge: Edge) -> Edge:

@@ -66,7 +66,7 @@ def refine(runner: PairRunner, scans: Sequence[Between], floor: np.ndarray) -> R
     return Refined(edges, [scan.scan for scan in scans if edges[scan.scan][0] is scan.step], both)
 
 
-def without_leaps(
+def without_jumps(
     runner: PairRunner,
     scans: Sequence[Between],
     refined: Refined,
@@ -93,13 +93,13 @@ def without_leaps(
     if not len(chosen):
         return refined
     T_chosen = RigidTransform.concatenate([poses[k] for k in chosen.tolist()])
-    leaps = find_leaps(T_chosen, times[chosen], runs[chosen], np.isin(chosen, list(keys)), floor)
+    jumps = find_jumps(T_chosen, times[chosen], runs[chosen], np.isin(chosen, list(keys)), floor)
     by_scan, edges = {scan.scan: scan for scan in scans}, dict(refined.edges)
-    jumping = [by_scan[k] for k in chosen[leaps.scans].tolist()]
+    jumping = [by_scan[k] for k in chosen[jumps.scans].tolist()]
     new = [c for scan in jumping for c in scan.candidates() if c.scans not in refined.registered]
     registered = refined.registered | {pair.scans: pair for pair in runner.register(new)}
     left = set(refined.left)
-    for scan, T_steady, sigmas, back in zip(jumping, leaps.T, leaps.sigmas, leaps.back, strict=True):
+    for scan, T_steady, sigmas, back in zip(jumping, jumps.T, jumps.sigmas, jumps.back, strict=True):
         T_key = poses[scan.step.i]
         steady = replace(scan.step.registration, T_target_source=T_key.inv() * T_steady, covariance=np.diag(sigmas**2))
         moved = replace(scan, step=replace(scan.step, registration=steady))
@@ -153,7 +153,7 @@ def _agree(a: tuple[RigidTransform, np.ndarray], b: tuple[RigidTransform, np.nda
 
 
 @dataclass(frozen=True, slots=True)
-class Leaps:
+class Jumps:
     """Scans that jump away from the motion between their neighbors.
 
     Attributes:
@@ -169,7 +169,7 @@ class Leaps:
     back: np.ndarray
 
 
-def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np.ndarray, floor: np.ndarray) -> Leaps:
+def find_jumps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np.ndarray, floor: np.ndarray) -> Jumps:
     """Find the scans that deviate far from a steady motion between the scans before and after them.
 
     Args:
@@ -180,7 +180,7 @@ def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np
     """
     kept: np.ndarray = np.arange(len(times))
     if len(kept) < 3:
-        return Leaps(kept[:0], T[kept[:0]], np.zeros((0, 6)), np.zeros(0, bool))
+        return Jumps(kept[:0], T[kept[:0]], np.zeros((0, 6)), np.zeros(0, bool))
     deviations = _deviations(T, times, kept)
     inside = runs[kept[:-2]] == runs[kept[2:]]
     usual = np.maximum(_TO_SIGMA * np.median(np.abs(deviations[inside]), axis=0), floor) if inside.any() else floor
@@ -202,7 +202,7 @@ def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np
     same = np.flatnonzero(np.diff(runs) == 0)
     speeds = np.median(_distances(T, same, same + 1) / np.maximum(np.diff(times)[same, None], 1e-9), axis=0)
     most = _MAX_SPEED * speeds * spans[:, None] + _JUMP * np.linalg.norm(usual.reshape(2, 3), axis=1)
-    return Leaps(gone, _steady(T, times, before, gone, after), longer[:, None] * usual, (distances <= most).all(axis=1))
+    return Jumps(gone, _steady(T, times, before, gone, after), longer[:, None] * usual, (distances <= most).all(axis=1))
 
 
 def _distances(T: RigidTransform, i: np.ndarray, j: np.ndarray) -> np.ndarray:

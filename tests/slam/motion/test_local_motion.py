@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.edge import Edge, scaled
 from sonarmap.slam.motion.local_motion import Step, likeness, rates_by_others
-from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
+from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_unreachable
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import chain_edges, chained_graph, random_covariance, registration, ring_poses, step_pair
@@ -101,13 +101,13 @@ def test_motion_hardly_changes_a_certain_registration() -> None:
 def test_hypotheses_out_of_reach_are_dropped() -> None:
     far = moved(np.array([0, 0, 0.1, 60.0, 0, 0]))
     given = replace(answer(far, 0.95, accepted=True), alternatives=(answer(far, 0.02), answer(moved(USUAL), 0.03)))
-    left = without_leaps(pair(given), MOTION).registration
+    left = without_unreachable(pair(given), MOTION).registration
     assert left is not None
     assert not left.accepted
     assert left.probability == 0
     assert "cannot have come so far" in left.reason
     assert [one.probability for one in left.alternatives] == [0.03]
-    near = without_leaps(pair(answer(moved(USUAL), 0.95, accepted=True)), MOTION).registration
+    near = without_unreachable(pair(answer(moved(USUAL), 0.95, accepted=True)), MOTION).registration
     assert near is not None
     assert near.accepted
 

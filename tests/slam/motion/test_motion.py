@@ -12,7 +12,7 @@ from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.odometry import Odometry
-from sonarmap.slam.motion.reconsider import believing_steps
+from sonarmap.slam.motion.reconsider import with_likely_steps
 from sonarmap.slam.pair import RegisteredPair
 from tests.samples.surveys import chained_graph, registration, ring_poses, step_pair
 
@@ -193,23 +193,23 @@ def test_only_a_likely_step_is_accepted(probability: float) -> None:
     assert doubtful.registration is not None
     others = (replace(given, probability=0.9 * (1 - probability)),)
     doubtful = replace(doubtful, registration=replace(doubtful.registration, alternatives=others))
-    step, _ = believing_steps([doubtful, possible(0.1, off)], learned(steps(20)))
+    step, _ = with_likely_steps([doubtful, possible(0.1, off)], learned(steps(20)))
     assert step.registration is not None
     assert step.accepted == (probability == 0.7)
     if not step.accepted:
         assert step.registration == doubtful.registration
     assert step.registration.probability + step.registration.alternatives[0].probability < 1
     loops = [replace(possible(probability, off), role="loop")]
-    assert believing_steps(loops, learned(steps(20))) == loops
+    assert with_likely_steps(loops, learned(steps(20))) == loops
 
 
 def test_likely_step_with_unconstrained_direction_gets_the_motions_covariance() -> None:
     given = possible(0.8, np.zeros(6), fixed=0.1)
-    (step,) = believing_steps([given], learned(steps(20)))
+    (step,) = with_likely_steps([given], learned(steps(20)))
     assert step.registration is not None
     assert step.accepted
     assert step.registration.covariance.trace() > COVARIANCE.trace()
-    assert believing_steps([given], None) == [given]
+    assert with_likely_steps([given], None) == [given]
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -242,7 +242,7 @@ def placed(pairs: list[RegisteredPair], opens: list[int], place: float = 0.95) -
 
 def test_a_step_needs_seven_tenths_to_be_accepted() -> None:
     """Two dives may meet there."""
-    unlikely, likely = believing_steps([possible(p, np.zeros(6)) for p in (0.65, 0.75)], learned(steps(20)))
+    unlikely, likely = with_likely_steps([possible(p, np.zeros(6)) for p in (0.65, 0.75)], learned(steps(20)))
     assert not unlikely.accepted
     assert likely.accepted
 

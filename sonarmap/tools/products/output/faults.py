@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from sonarmap.kernels.counted import counted
-from sonarmap.slam.decide.lone import lone_steps
 from sonarmap.slam.decide.systematic import Systematic
+from sonarmap.slam.decide.weak_steps import weak_steps
 from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.odd.odd_scan import OddScan
@@ -209,8 +209,8 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     """A sentence about uncertain steps, such as where a vehicle was moved between two scans."""
     steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
-    lone = lone_steps(result.pairs, free=True)
-    alone = [step for step in steps if step.scans in lone or _is_only_likely(step, result.pairs)]
+    weak = weak_steps(result.pairs, free=True)
+    alone = [step for step in steps if step.scans in weak or _is_only_likely(step, result.pairs)]
     if alone:
         first = alone[0]
         yield (

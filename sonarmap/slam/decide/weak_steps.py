@@ -13,7 +13,7 @@ _MIN_TRIED = 3  # pairs across a weak step
 _MAX_SHARE = 1 / 3  # of weak steps; with more, other scans than consecutive ones overlap too little to confirm a step
 
 
-def lone_steps(pairs: Sequence[RegisteredPair], free: bool = False) -> set[tuple[int, int]]:
+def weak_steps(pairs: Sequence[RegisteredPair], free: bool = False) -> set[tuple[int, int]]:
     """The scans of weak steps: accepted with a low probability, with pairs across that were tried and none accepted.
 
     If `free`, pairs that were registered about the estimate do not confirm a step. The first and the last step are
@@ -42,13 +42,13 @@ def lone_steps(pairs: Sequence[RegisteredPair], free: bool = False) -> set[tuple
     }
 
 
-def without_lone_steps(pairs: Sequence[RegisteredPair], tied: Collection[tuple[int, int]]) -> Sequence[RegisteredPair]:
+def without_weak_steps(pairs: Sequence[RegisteredPair], tied: Collection[tuple[int, int]]) -> Sequence[RegisteredPair]:
     """The pairs, with weak steps refused, and also the pairs across them that were registered about the estimate.
 
     The estimate about which such a pair was registered relies on the step. Pairs in `tied`, by dead reckoning or a
     person, are not refused, nor any pairs if many steps are weak.
     """
-    weak = lone_steps(pairs).difference(tied)
+    weak = weak_steps(pairs).difference(tied)
     if not weak or len(weak) > max(1.0, _MAX_SHARE * sum(pair.role == "sequential" for pair in pairs)):
         return pairs
     starts = np.array(sorted(i for i, _ in weak))

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.lone import lone_steps, without_lone_steps
+from sonarmap.slam.decide.weak_steps import weak_steps, without_weak_steps
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.slam.tie import Tie
@@ -66,8 +66,8 @@ def test_weak_step_stays_if_dead_reckoning_joins_its_scans() -> None:
 
 def test_weak_step_stays_if_a_third_of_all_are_weak_or_a_person_accepts_it() -> None:
     many = survey(1, 3, 5, 7)
-    assert len(lone_steps(many)) == 4
-    assert without_lone_steps(many, ()) is many
+    assert len(weak_steps(many)) == 4
+    assert without_weak_steps(many, ()) is many
     assert len(decided(many).solution.graph.components) == 1
     assert len(decided(survey(1, 4, 7)).solution.graph.components) == 4
     assert len(decided(survey(4), Tie(4, 5, "accept")).solution.graph.components) == 1
@@ -93,12 +93,12 @@ def test_weak_step_stays_if_a_third_of_all_are_weak_or_a_person_accepts_it() -> 
 def test_step_is_weak_if_enough_pairs_across_were_tried_and_none_accepted(
     pairs: list[RegisteredPair], lone: set[tuple[int, int]]
 ) -> None:
-    assert lone_steps(pairs) == lone
+    assert weak_steps(pairs) == lone
 
 
 @pytest.mark.parametrize("expected", [False, True])
 def test_loop_over_the_whole_survey_confirms_a_step(expected: bool) -> None:
     """What was expected does not, where it is asked what was found freely."""
     pairs = [*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]
-    assert lone_steps(pairs) == set()
-    assert lone_steps(pairs, free=True) == ({(4, 5)} if expected else set())
+    assert weak_steps(pairs) == set()
+    assert weak_steps(pairs, free=True) == ({(4, 5)} if expected else set())
