@@ -94,7 +94,7 @@ HOSTILE: dict[str, tuple[str, bytes | Callable[[], bytes], str]] = {  # large on
     "ply 10^12 faces": (".ply", ply("0", more=f"element face {10**12}\nproperty list uchar int i\n"), "promises"),
     "sonar claims 4 GB": (".sonar", packet(b"\xff\xff\xff\xff\x0f" + bytes(99)), "claim to unpack to 4,294,967,295"),
     "sonar packet of 1 MB": (".sonar", packet(bytes(1 << 20)), "packet 1 at byte 0 claims 1,048,588 bytes"),
-    "npz of zeros": (".npz", lambda: npz_of_zeros(500, npy("(1, 3)")), "not believable"),
+    "npz of zeros": (".npz", lambda: npz_of_zeros(500, npy("(1, 3)")), "save the file without compression"),
     "pcd of bytes": (".pcd", lambda: bytes_pcd(16 << 20), "16,777,216 points would make 402,653,184 bytes of 5"),
     "csv unit after blanks": (".csv", b"x" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),
     "csv 100,000 columns": (".csv", b"y," * 100_000 + b"\n1,2,3\n", "no column x"),
