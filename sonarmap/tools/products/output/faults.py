@@ -207,10 +207,16 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
 
 
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    """A sentence about uncertain steps, such as where a vehicle was moved between two scans."""
+    """A sentence about uncertain steps, such as where a vehicle was moved between two scans; not about those between
+    measured positions, which would show that."""
     steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
     weak = weak_steps(result.pairs, free=True)
-    alone = [step for step in steps if step.scans in weak or _is_only_likely(step, result.pairs)]
+    located = {pose for pose, prior in result.solution.graph.priors if prior.knows_position}
+    alone = [
+        step
+        for step in steps
+        if not located.issuperset(step.scans) and (step.scans in weak or _is_only_likely(step, result.pairs))
+    ]
     if alone:
         first = alone[0]
         yield (

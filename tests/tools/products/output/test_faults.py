@@ -14,6 +14,7 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.constraints import POSE, SIGMAS, read_ties
 from sonarmap.tools.files.user_file import input_rows
 from sonarmap.tools.products.output.faults import faults
@@ -65,6 +66,11 @@ def test_an_uncertain_consecutive_pair_is_named_unless_another_pair_confirms_it(
         assert sentences[0].startswith(
             "1 of 9 steps between consecutive scans, as between scan4 and scan5, are uncertain"
         )
+    sigmas = np.array([np.inf, np.inf, np.inf, 0.5, 0.5, np.inf])
+    priors = tuple((k, PosePrior(RigidTransform.identity(), sigmas)) for k in (4, 5))
+    located = replace(result.solution, graph=replace(result.solution.graph, priors=priors))
+    sentences = faults(replace(result, pairs=pairs, solution=located), NAMES)
+    assert not any("are uncertain" in sentence for sentence in sentences)
 
 
 def test_the_transform_of_a_tie_is_written_and_read_unchanged(tmp_path: Path) -> None:
