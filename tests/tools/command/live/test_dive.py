@@ -229,5 +229,5 @@ def dies(_: object, __: object) -> None:
 @pytest.mark.slow
 def test_a_mapping_that_is_killed_repeatedly_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_map", dies)
-    with pytest.raises(InputError, match="memory is short; 'sonarmap doctor'"):
+    with pytest.raises(InputError, match="for lack of memory; 'sonarmap doctor'"):
         a_dive().follow(Event())
