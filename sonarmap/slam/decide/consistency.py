@@ -161,7 +161,7 @@ def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.n
 
 
 def distances_from_chain(chains: Chains, loops: Sequence[Edge]) -> np.ndarray:
-    """(m,) distance of each loop from the chain [sigmas]; arguments as of `agreeing_groups`."""
+    """(m,) distance of each of m loops from the chains of their poses, along a spanning tree of a graph [sigmas]."""
     if not loops:
         return np.zeros(0)
     return _Cycles.of(chains, loops).from_chain(np.arange(len(loops)))
