@@ -217,7 +217,6 @@ def read_navigation(
     """
     from types import MappingProxyType
 
-    from sonarmap.tools.files.readers.instruments import COLUMNS
     from sonarmap.tools.files.readers.navigation.priors import navigate
     from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings, parse_talkers
 
@@ -225,11 +224,6 @@ def read_navigation(
     require_type("logs", paths or [None], str, os.PathLike)
     require_type("T_vehicle_sensor", [T_vehicle_sensor], RigidTransform, None)
     require_type("origin", [origin], Georeference, None)
-    given = np.full(6, np.nan) if sigmas is None else as_numbers("sigmas", sigmas, (6,), finite=False)
-    if not (np.isnan(given) | (given > 0)).all():
-        raise InputError(f"`sigmas={sigmas!r}` cannot be used; wanted six numbers above zero: [rad] x 3, [m] x 3")
-    degrees: list[float] = [*np.rad2deg(given[:3]).tolist(), *given[3:].tolist()]
-    defaults: dict[str, float] = {} if sigmas is None else dict(zip(COLUMNS, degrees, strict=True))
     settings = NavigationSettings(
         columns=MappingProxyType(columns or {}),
         time_scale=time_scale,
@@ -240,10 +234,20 @@ def read_navigation(
         declination=None if declination is None else float(np.rad2deg(declination)),
         frame=frame,
         mount=None if T_vehicle_sensor is None else Mount(T_vehicle_sensor),
-        sigmas=defaults,
+        sigmas={} if sigmas is None else _sigmas_by_column(sigmas),
         talkers=() if nmea_talker is None else parse_talkers(nmea_talker),
     )
     return navigate(as_survey(scans), [Path(each) for each in paths], settings)
+
+
+def _sigmas_by_column(sigmas: Sequence[float]) -> dict[str, float]:
+    """Roll, pitch and heading [rad] and East, North and Up [m] by the columns of a log, [deg] and [m]."""
+    from sonarmap.tools.files.readers.instruments import COLUMNS
+
+    given = as_numbers("sigmas", sigmas, (6,), finite=False)
+    if not (np.isnan(given) | (given > 0)).all():
+        raise InputError(f"`sigmas={sigmas!r}` cannot be used; wanted six numbers above zero: [rad] x 3, [m] x 3")
+    return dict(zip(COLUMNS, [*np.rad2deg(given[:3]).tolist(), *given[3:].tolist()], strict=True))
 
 
 @public

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 import typer
@@ -89,12 +89,7 @@ def command(
     scores = score_survey(survey, true) if survey else {}
     calibration = calibrate_survey(survey, estimated, true) if survey else None
     if as_json:
-        further = {
-            "map": error.to_json() | {"alignment": align} if error else None,
-            "pairs": {name: score.to_json() for name, score in scores.items()} or None,
-            "uncertainty": calibration.to_json() if calibration else None,
-        }
-        print_json(result.to_json() | further)
+        print_json(result.to_json() | _further_json(error, align, scores, calibration))
     else:
         if survey:
             _print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
@@ -109,6 +104,17 @@ def command(
         warn(f"{result.unmatched_truths} poses of the truth have no estimate")
     if _exceeds(result, max_error_m, max_error_deg):
         raise typer.Exit(EXCEEDED)
+
+
+def _further_json(
+    error: "MapError | None", align: str, scores: "Mapping[str, PairScore]", calibration: "PoseCalibration | None"
+) -> dict[str, Any]:
+    """What --json has beside the errors of the trajectory."""
+    return {
+        "map": error.to_json() | {"alignment": align} if error else None,
+        "pairs": {name: score.to_json() for name, score in scores.items()} or None,
+        "uncertainty": calibration.to_json() if calibration else None,
+    }
 
 
 def _check_together(map: Path | None, surface: Path | None, voxel: float | None, summary: Path | None) -> None:
