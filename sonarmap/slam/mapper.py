@@ -8,7 +8,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.hand import displaced, with_contradictions
+from sonarmap.slam.decide.hand import with_contradictions
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import prepared_limit
@@ -298,8 +298,7 @@ class Mapper:
         if not (measurements.ties or measurements.control):
             return decision
         tied = self._decide(runner, measurements, search.tied(pairs))
-        tied_pairs = with_contradictions(tied.pairs, tied.solution, decision.solution)
-        return replace(tied, pairs=tuple(tied_pairs), displaced=displaced(tied_pairs, decision.pairs))
+        return replace(tied, pairs=tuple(with_contradictions(tied.pairs, decision.solution)))
 
     def _decide(self, runner: PairRunner, measurements: Measurements, pairs: Sequence[RegisteredPair]) -> Decision:
         decision = decide(pairs, measurements, self.voxel, self.settings.loops)
@@ -337,7 +336,6 @@ class Mapper:
             wrong_fixes=decision.fixes.wrong,
             understated=decision.understated,
             systematic=decision.fixes.systematic,
-            displaced=decision.displaced,
             interpolated=decision.interpolated,
             names=tuple(scan.name for scan in scans),
         )

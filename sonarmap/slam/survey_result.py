@@ -58,7 +58,6 @@ class SurveyResult:
         gaps: consecutive pairs (i, i + 1) that were not kept, whether or not another pair bridges them.
         voxel: edge of the survey's voxels [m].
         ties: a person's verdicts on pairs; their outcome is in `pairs`.
-        displaced: scans of pairs that would be kept without ties and control points, and are rejected for these.
         control: control and check points with their coordinates in the map.
         odd: faulty scans, which are mirrored or in another unit and were left out.
         scaled: scans whose ranges are longer or shorter than those of the others; None for none.
@@ -84,7 +83,6 @@ class SurveyResult:
     straightened: tuple[float, ...] | None = None
     way: Way | None = None
     ties: tuple[Tie, ...] = ()
-    displaced: tuple[tuple[int, int], ...] = ()
     control: tuple[MeasuredControl, ...] = ()
     odd: tuple[OddScan, ...] = ()
     scaled: ScaledScans | None = None

@@ -41,8 +41,6 @@ class Decision:
     fixes: JudgedFixes = field(default_factory=lambda: JudgedFixes({}))  # accepted measurements of instruments
     wrong_control: tuple[WrongControl, ...] = ()  # control points that were left out, as all others contradict them
     drifts: float = 1.0  # ratio of the actual to the stated drift of dead reckoning
-    # scans of pairs that are kept only if there are no ties and control points
-    displaced: tuple[tuple[int, int], ...] = ()
     interpolated: tuple[int, ...] = ()  # scans of a stream without a usable registration
 
     @property

@@ -5,10 +5,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.decide.contradiction import falls_without
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.pair import Pair, RegisteredPair
@@ -41,38 +39,26 @@ def hand_edges(
     return edges
 
 
-def with_contradictions(pairs: Sequence[Pair], solution: Solution, before: Solution) -> list[Pair]:
-    """The pairs; those that are kept manually have the chi-squared by which the rest contradicts them.
+def with_contradictions(pairs: Sequence[Pair], before: Solution) -> list[Pair]:
+    """The pairs; those that are kept by hand have the chi-squared by which the rest contradicts them.
 
-    It is the larger of two values for six numbers: the fall of the graph's chi-squared without the edge, and the
-    distance from the solution without manual constraints (`before`). The graph alone would not show a wrong tie for
-    which it rejected the right pairs. It is 0 if nothing else joins the scans.
+    It is the larger of those of their distances from the final poses and from `before`, the solution without what a
+    person stated: for a wrong tie the graph may reject the right pairs.
     """
-    edges = [edge for edge in solution.graph.edges if edge.by_hand]
-    if not edges:
-        return list(pairs)
-    # with covariances as registered: those of the graph grow with its contradictions
-    registered = {pair.scans: _as_registered(pair) for pair in pairs if pair.by_hand and pair.kept}
-    scans = [(edge.i, edge.j) for edge in edges]
-    distances = before.distances(np.array(scans), [registered[each] for each in scans])
-    squared = np.maximum(falls_without(edges, solution), np.nan_to_num(distances) ** 2)
-    by_scans = dict(zip(scans, squared.tolist(), strict=True))
-    return [replace(pair, contradicted=by_scans.get(pair.scans, pair.contradicted)) for pair in pairs]
-
-
-def displaced(pairs: Sequence[Pair], before: Sequence[Pair]) -> tuple[tuple[int, int], ...]:
-    """The scans of pairs that are kept without manual constraints (`before`), and refused with them."""
-    kept = {pair.scans for pair in before if pair.kept}
-    return tuple(pair.scans for pair in pairs if pair.scans in kept and not pair.kept and pair.by_hand != "reject")
+    by_hand = [pair for pair in pairs if pair.by_hand and pair.edge is not None and pair.registration is not None]
+    stated = [_as_registered(pair) for pair in by_hand]
+    scans = np.array([pair.scans for pair in by_hand], np.intp).reshape(-1, 2)
+    distances = dict(zip((pair.scans for pair in by_hand), before.distances(scans, stated).tolist(), strict=True))
+    return [
+        replace(pair, contradicted=np.fmax(pair.residual, distances[pair.scans]) ** 2)
+        if pair.scans in distances
+        else pair
+        for pair in pairs
+    ]
 
 
 def _as_registered(pair: Pair) -> Registration:
-    """The hypothesis of a pair's edge, as registered."""
+    """The registration of a pair's edge, with a covariance that contradictions did not enlarge."""
     assert pair.edge is not None
     assert pair.registration is not None
-    hypotheses = (pair.registration, *pair.registration.alternatives)
-    taken = pair.edge.registration.T_target_source
-    away: np.ndarray = (
-        taken.inv() * RigidTransform.concatenate([each.T_target_source for each in hypotheses])
-    ).as_exp_coords()
-    return hypotheses[int(np.argmin(np.linalg.norm(away, axis=1)))]
+    return replace(pair.edge.registration, covariance=pair.registration.covariance)

@@ -64,8 +64,7 @@ def with_between(
     fixes |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.fixes.wrong}
     chained = expanded(decision.chained.T_world_sensor)
     judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
-    displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
-    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, interpolated)
+    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, interpolated)
 
 
 def _solved(

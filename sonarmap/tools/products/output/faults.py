@@ -20,7 +20,6 @@ from sonarmap.tools.products.output.pairs_file import has_no_effect, is_contradi
 UNMOVED = 0.001  # smallest shift of a pose that counts as a change [voxels]
 LISTED = 10  # largest number of scan names in a sentence
 FAR = 4.0  # residual of a control point beyond which a warning is given [standard deviations]
-_PAIRS = 5  # largest number of pairs in a sentence
 _OPEN = {
     "tilt_x": "its tilt about East",
     "tilt_y": "its tilt about North",
@@ -309,19 +308,13 @@ def _of_the_whole(result: SurveyResult) -> Iterator[str]:
 
 
 def _of_ties(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    """Sentences about ties without effect, contradicted ties, and pairs that ties displaced."""
+    """Sentences about ties without effect and contradicted ties."""
     for tie in result.ties:
         effect, pair = tie_effect(result, tie), f"{names[tie.i]} - {names[tie.j]}"
         if has_no_effect(result, tie):
             yield f"tie {pair}: {tie.verdict}: {effect}"
         elif is_contradicted(result, tie):
             yield f"tie {pair}: {effect}; look at both scans, and if it is wrong remove it from `ties`"
-    if result.displaced:
-        listed = _listed([f"{names[i]} - {names[j]}" for i, j in result.displaced], _PAIRS)
-        yield (
-            f"{len(result.displaced)} pairs that the survey would keep are rejected, as they contradict ties and "
-            f"control points: {listed}"
-        )
 
 
 def _of_control(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
