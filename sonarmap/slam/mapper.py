@@ -8,8 +8,8 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.hand import with_contradictions
 from sonarmap.slam.decide.measurements import Measurements
+from sonarmap.slam.decide.verdict import with_contradictions
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import prepared_limit
 from sonarmap.slam.free_pairs import errors_shown, register_freely

@@ -78,7 +78,7 @@ class Pair(RegisteredPair):
         by_hand: a person's verdict (`slam.tie`), which overrides the survey's; "" for none.
         note: why, in the person's words.
         contradicted: of a pair kept by hand, chi-squared of six numbers by which the rest of the survey contradicts it,
-            without a unit (`slam.decide.hand`); NaN of any other.
+            without a unit (`slam.decide.verdict`); NaN of any other.
     """
 
     edge: Edge | None = None

@@ -1,15 +1,14 @@
 """The inference: which hypotheses become edges, why the others do not, and the optimized poses."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.decide.chains import chain_parts
-from sonarmap.slam.decide.consistency import Comparison, compare
-from sonarmap.slam.decide.hand import hand_edges
+from sonarmap.slam.decide.consistency import Comparison, chain_parts, compare
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
 from sonarmap.slam.decide.robust import robust_optimize
@@ -24,6 +23,7 @@ from sonarmap.slam.graph.pose_covariance import weighed
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.pair import Pair, RegisteredPair
+from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 
 # Share of the sigmas added to cycles that is added to edges during outlier rejection: scans can be bent, for example.
@@ -163,7 +163,7 @@ class _Possible:
         ]
         supported = compared_with(trusted).support(hypotheses)
         automatic = {scans: hypothesis.registration for scans, hypothesis in _taken(supported).items()}
-        manual = hand_edges(not_rejected, ties, automatic)
+        manual = _hand_edges(not_rejected, ties, automatic)
         if manual:
             trusted = [*(edge for edge in trusted if (edge.i, edge.j) not in manual), *manual.values()]
             supported = compared_with(trusted).support(hypotheses)
@@ -196,6 +196,28 @@ def _chain_edge(pair: RegisteredPair) -> Edge | None:
         return Edge(pair.i, pair.j, pair.registration, "sequential")
     except InputError:
         return None
+
+
+def _hand_edges(
+    pairs: Sequence[RegisteredPair],
+    ties: Mapping[tuple[int, int], Tie],
+    taken: Mapping[tuple[int, int], Registration],
+) -> dict[tuple[int, int], Edge]:
+    """The edges of the pairs that a person accepted or added, by their scans, even if others contradict them.
+
+    A registration with alternatives contributes the hypothesis in `taken`, which the survey would use by itself, else
+    the most probable one. Pairs without a registration, or with an invalid covariance, have no edge.
+    """
+    edges: dict[tuple[int, int], Edge] = {}
+    for pair in pairs:
+        tie = ties.get(pair.scans)
+        if tie is None or tie.verdict == "reject" or pair.registration is None:
+            continue
+        chosen = taken.get(pair.scans, pair.registration) if tie.given is None else pair.registration
+        kind = "tie" if tie.given is not None else "sequential" if pair.role == "sequential" else "loop"
+        with suppress(InputError):  # the covariance is invalid; see `PossibleEdge.fault`
+            edges[pair.scans] = Edge(pair.i, pair.j, chosen, kind, by_hand=True)
+    return edges
 
 
 def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge]) -> list[Edge]:

@@ -16,22 +16,24 @@ import numpy as np
 from scipy import sparse
 from scipy.cluster.hierarchy import DisjointSet
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.decide.chains import chain_parts
-from sonarmap.slam.decide.consistency import agreeing_groups, distances_from_chain
-from sonarmap.slam.decide.contradiction import GATE, contradicted_edges, plausible
-from sonarmap.slam.graph.edge import cut_edges, spanning_tree
+from sonarmap.slam.decide.consistency import agreeing_groups, chain_parts, distances_from_chain
+from sonarmap.slam.graph.edge import Edge, cut_edges, spanning_tree
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
+from sonarmap.slam.graph.tangent import lengths
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.spectral.chi_squared import chi_squared
 
+GATE = 1 - 1e-6  # probability that an estimate does not contradict a right loop
 PROBABILITY = 0.999  # that a right measurement is within the bound
 FIRST = 200  # loops to begin with; more only if they agree with each other
 _ROUNDS = 4  # most repetitions
 _MAX_WHOLE = 1000  # poses of a graph that is solved as a whole
 _REGION_SIZE = 60  # poses around each end of a doubtful edge of a larger graph
 _LARGE_GROUP = 0.1  # least size of a group of agreeing loops to begin with, as a share of the largest group
+_MIN_SHARE = 1e-3  # least share of an edge's covariance that remains for its residual, against rounding
 _MIN_WEIGHT = 0.5  # of an inlier
 
 
@@ -268,3 +270,57 @@ def _region(graph: PoseGraph, ends: np.ndarray, joining: np.ndarray, poses: np.n
         ),
         chosen,
     )
+
+
+def contradicted_edges(
+    graph: PoseGraph, solution: Solution, asked: np.ndarray, bound: float, gate: float | None = None
+) -> np.ndarray:
+    """Indices of the edges that the others contradict at the optimum.
+
+    These have a squared residual beyond the bound. If there are none, they are those without which chi-squared would
+    fall by more than the gate: a wrong edge pulls the poses until its own residual is small. The gate is larger if the
+    median fall is, as with a chain whose sigmas are underestimated.
+
+    Args:
+        graph: of E edges, with the optimized poses.
+        solution: the optimum of some of them, the `asked` ones included.
+        asked: (E,) bool, which edges to test.
+        bound: of a squared residual.
+        gate: of the fall in chi-squared; None for the one that one right edge in a million exceeds.
+    """
+    residuals = graph.residuals()
+    beyond = np.flatnonzero(asked & (residuals**2 > bound))
+    chosen = np.flatnonzero(asked)
+    if len(beyond) or not len(chosen):
+        return beyond
+    costs = falls_without([graph.edges[k] for k in chosen], solution)
+    gate = chi_squared(GATE, 6) if gate is None else gate
+    underestimated = max(1.0, float(np.median(costs)) / chi_squared(0.5, 6))
+    return chosen[costs > gate * underestimated]
+
+
+def falls_without(edges: Sequence[Edge], solution: Solution) -> np.ndarray:
+    """(m,) fall of chi-squared without each edge of an optimum, to first order, one left out at a time.
+
+    It is r' (R - P)^-1 r for an edge with residual r and covariance R, where P is the covariance of the pair in the
+    optimum. If only this edge constrains the pair, P is R: then nothing contradicts it.
+    """
+    T_i_j, covariances = solution.relatives(np.array([(edge.i, edge.j) for edge in edges]))
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
+    stated = np.stack([edge.registration.covariance for edge in edges])
+    xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
+    return lengths(xi, stated - (1 - _MIN_SHARE) * covariances) ** 2
+
+
+def plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
+    """(m,) bool: which of other edges agree with an estimate within its own uncertainty.
+
+    With covariances that are too large, nearly every edge would agree. They are scaled by the largest variance factor
+    that the inliers' chi-squared allows, if it is below 1.
+    """
+    degrees = solution.degrees_of_freedom
+    # chi-squared relative to the smallest value that occurs by chance
+    too_large = min(1.0, solution.chi_squared_after / chi_squared(1 - GATE, degrees)) if degrees >= 1 else 1.0
+    limit = float(np.sqrt(too_large * chi_squared(GATE, 6)))
+    ends = np.array([(edge.i, edge.j) for edge in others], np.intp).reshape(-1, 2)
+    return ~(solution.distances(ends, [edge.registration for edge in others], limit) > limit)  # NaN: no path joins them

@@ -1,7 +1,7 @@
 """The verdict about every pair of a survey: whether it is kept, why, and its distance from the final poses."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -9,8 +9,10 @@ from sonarmap.slam.decide.possible_edge import PossibleEdge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.slam.tie import Tie
+from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.result import Registration
 
+CONTRADICTED = float(chi_squared(0.999, 6))  # chi-squared of a tie that the others contradict; of 1 in 1000 right ties
 _MANUAL = {"accept": "accepted", "add": "added", "given": "measured"}
 
 
@@ -118,3 +120,28 @@ def _doubt(registration: Registration, possible: PossibleEdge) -> str:
 
 def _refused(registration: Registration) -> str:
     return f"refused by the registration: {registration.reason or 'no reason given'}"
+
+
+def with_contradictions(pairs: Sequence[Pair], before: Solution) -> list[Pair]:
+    """The pairs; those that are kept by hand have the chi-squared by which the rest contradicts them.
+
+    It is the larger of those of their distances from the final poses and from `before`, the solution without what a
+    person stated: for a wrong tie the graph may reject the right pairs.
+    """
+    by_hand = [pair for pair in pairs if pair.by_hand and pair.edge is not None and pair.registration is not None]
+    stated = [_as_registered(pair) for pair in by_hand]
+    scans = np.array([pair.scans for pair in by_hand], np.intp).reshape(-1, 2)
+    distances = dict(zip((pair.scans for pair in by_hand), before.distances(scans, stated).tolist(), strict=True))
+    return [
+        replace(pair, contradicted=np.fmax(pair.residual, distances[pair.scans]) ** 2)
+        if pair.scans in distances
+        else pair
+        for pair in pairs
+    ]
+
+
+def _as_registered(pair: Pair) -> Registration:
+    """The registration of a pair's edge, with a covariance that contradictions did not enlarge."""
+    assert pair.edge is not None
+    assert pair.registration is not None
+    return replace(pair.edge.registration, covariance=pair.registration.covariance)

@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide import consistency
-from sonarmap.slam.decide.chains import Chains, chain_parts
-from sonarmap.slam.decide.consistency import compare
+from sonarmap.slam.decide.consistency import Chains, chain_parts, compare
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, possible_edges
 from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.pair import RegisteredPair

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.decide.contradiction import contradicted_edges
 from sonarmap.slam.decide.measurements import Measurements
+from sonarmap.slam.decide.robust import contradicted_edges
 from sonarmap.slam.decide.wrong_measurements import NOTHING, agreement, judge_fixes
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph

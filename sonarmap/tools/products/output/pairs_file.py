@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.decide.hand import CONTRADICTED
+from sonarmap.slam.decide.verdict import CONTRADICTED
 from sonarmap.slam.graph.control import MeasuredControl
 from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.pair import Pair
