@@ -72,11 +72,6 @@ class Registration:
         return self.fixed >= FITTED["acceptance"]["fixed"]
 
     @property
-    def is_only_likely(self) -> bool:
-        """Whether it is accepted only because consecutive scans nearly always overlap, and not by its own evidence."""
-        return "likely" in dict(self.evidence)
-
-    @property
     def placed(self) -> bool:
         """Whether the place is probable enough, though the pose may be unconstrained in a direction."""
         return self.probability >= FITTED["acceptance"]["place"]

@@ -8,37 +8,33 @@ import numpy as np
 from sonarmap.slam.pair import RegisteredPair
 
 _MIN_PROBABILITY = 0.95  # of a step that needs no confirmation
-_MAX_SPAN = 5  # [scans] of pairs across a step that count as tried
-_MIN_TRIED = 3  # pairs across a weak step
 _MAX_SHARE = 1 / 3  # of weak steps; with more, other scans than consecutive ones overlap too little to confirm a step
 
 
-def weak_steps(pairs: Sequence[RegisteredPair], free: bool = False) -> set[tuple[int, int]]:
-    """The scans of weak steps: accepted with a low probability, with pairs across that were tried and none accepted.
+def unconfirmed_steps(pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
+    """Accepted steps with a low probability, without an accepted pair across that was registered freely."""
+    registered = [pair for pair in pairs if pair.registration is not None]
+    spanned = np.zeros(2 + max((pair.j for pair in registered), default=0), np.intp)  # differences along the steps
+    for pair in registered:
+        if pair.accepted and pair.role != "sequential" and pair.expected is None:
+            spanned[pair.i] += 1
+            spanned[pair.j] -= 1
+    spanned = np.cumsum(spanned)
+    steps = [pair for pair in registered if pair.role == "sequential" and pair.accepted and not spanned[pair.i]]
+    return [step for step in steps if step.registration and step.registration.probability < _MIN_PROBABILITY]
 
-    If `free`, pairs that were registered about the estimate do not confirm a step. The first and the last step are
-    never weak, nor others with tried pairs on one side only: two dives do not meet there.
+
+def weak_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
+    """The scans of weak steps (k, k + 1): unconfirmed, and refused are (k - 1, k + 1) and (k, k + 2), which overlap
+    most of all pairs across.
+
+    Where two dives meet, pairs about the estimate that relies on the joint can fit by chance, but rarely these two.
     """
-    count = 1 + max((pair.j for pair in pairs), default=0)
-    # differences along the steps of the numbers of tried pairs across a step, of those that begin before it, of those
-    # that end after it, and of pairs that confirm it
-    tried, before, behind, confirming = (np.zeros(count + 1, np.intp) for _ in range(4))
-    for pair in pairs:
-        if pair.role == "sequential" or pair.registration is None:
-            continue
-        if pair.j - pair.i <= _MAX_SPAN:
-            _add(tried, pair.i, pair.j)
-            _add(before, pair.i + 1, pair.j)
-            _add(behind, pair.i, pair.j - 1)
-        if pair.accepted and not (free and pair.expected is not None):
-            _add(confirming, pair.i, pair.j)
-    tried, before, behind, confirming = (np.cumsum(each) for each in (tried, before, behind, confirming))
-    alone = (tried >= _MIN_TRIED) & (before > 0) & (behind > 0) & (confirming == 0)
+    refused = {pair.scans for pair in pairs if pair.registration is not None and not pair.accepted}
     return {
-        pair.scans
-        for pair in pairs
-        if pair.role == "sequential" and pair.registration is not None and pair.accepted
-        if pair.registration.probability < _MIN_PROBABILITY and alone[pair.i]
+        step.scans
+        for step in unconfirmed_steps(pairs)
+        if refused.issuperset([(step.i - 1, step.j), (step.i, step.j + 1)])
     }
 
 
@@ -59,16 +55,10 @@ def without_weak_steps(pairs: Sequence[RegisteredPair], tied: Collection[tuple[i
         if pair.registration is None or not crosses or by_itself:
             return pair
         probability = f"right with a probability of {pair.registration.probability:.1%}"
-        reason = f"{probability}, and no pair across is accepted; {pair.registration.reason}"
+        reason = f"{probability}, and the pairs beside it are refused; {pair.registration.reason}"
         return replace(
             pair,
             registration=replace(pair.registration, accepted=False, probability=0.0, alternatives=(), reason=reason),
         )
 
     return [refused(pair) for pair in pairs]
-
-
-def _add(changes: np.ndarray, first: int, end: int) -> None:
-    """Add 1 from `first` to `end` - 1, as differences."""
-    changes[first] += 1
-    changes[end] -= 1

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.weak_steps import weak_steps, without_weak_steps
+from sonarmap.slam.decide.weak_steps import unconfirmed_steps, weak_steps, without_weak_steps
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.slam.tie import Tie
@@ -54,7 +54,7 @@ def test_weak_step_is_a_gap_that_pairs_about_the_estimate_do_not_bridge() -> Non
     for got in result.pairs:
         assert got.kept == (not got.i <= 4 < got.j)
     (step,) = (p for p in result.pairs if p.scans == (4, 5))
-    assert "right with a probability of 90.0%, and no pair across is accepted; as it is" in step.reason
+    assert "right with a probability of 90.0%, and the pairs beside it are refused; as it is" in step.reason
 
 
 def test_weak_step_stays_if_dead_reckoning_joins_its_scans() -> None:
@@ -79,26 +79,28 @@ def test_weak_step_stays_if_a_third_of_all_are_weak_or_a_person_accepts_it() -> 
         (survey(4), {(4, 5)}),
         (survey(4, 6), {(4, 5), (6, 7)}),
         (survey(4, confirmed=((3, 5),)), set()),
-        (survey(4, confirmed=((4, 7),)), set()),
+        (survey(4, confirmed=((1, 6),), farthest=5), set()),  # registered freely
         (survey(4, confirmed=((1, 4), (5, 8))), {(4, 5)}),  # on one side of it each
         (survey(4, probability=0.96), set()),
-        (survey(4, farthest=2), set()),  # two pairs are too few
+        (survey(4, farthest=1), set()),  # nothing beside it was tried
         (survey(0, 8), set()),  # a dive of one scan is none
-        ([p for p in survey(4) if p.i > 3 or p.j < 5], set()),  # crossed from one side alone
+        ([p for p in survey(4) if p.scans != (4, 6)], set()),
         ([replace(p, registration=None) if p.expected else p for p in survey(4)], set()),
         ([pair(4, 5, 0.9, accepted=False) if p.scans == (4, 5) else p for p in survey(4)], set()),
         ([], set()),
     ],
 )
-def test_step_is_weak_if_enough_pairs_across_were_tried_and_none_accepted(
+def test_step_is_weak_if_the_pairs_beside_it_are_refused_and_none_across_confirms_it(
     pairs: list[RegisteredPair], lone: set[tuple[int, int]]
 ) -> None:
     assert weak_steps(pairs) == lone
 
 
 @pytest.mark.parametrize("expected", [False, True])
-def test_loop_over_the_whole_survey_confirms_a_step(expected: bool) -> None:
-    """What was expected does not, where it is asked what was found freely."""
-    pairs = [*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]
-    assert weak_steps(pairs) == set()
-    assert weak_steps(pairs, free=True) == ({(4, 5)} if expected else set())
+def test_pair_about_the_estimate_confirms_a_step_only_beside_it(expected: bool) -> None:
+    """It relies on the step; a loop that was registered freely does not."""
+    over_all = [*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]
+    assert weak_steps(over_all) == ({(4, 5)} if expected else set())
+    beside = [pair(3, 5, 0.97, expected=expected) if p.scans == (3, 5) else p for p in survey(4)]
+    assert weak_steps(beside) == set()
+    assert [step.scans for step in unconfirmed_steps(beside)] == ([(4, 5)] if expected else [])

@@ -7,7 +7,7 @@ from typing import Any
 
 from sonarmap.kernels.counted import counted
 from sonarmap.slam.decide.systematic import Systematic
-from sonarmap.slam.decide.weak_steps import weak_steps
+from sonarmap.slam.decide.weak_steps import unconfirmed_steps
 from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.odd.odd_scan import OddScan
@@ -18,6 +18,7 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.products.output.pairs_file import has_no_effect, is_contradicted, tie_effect
 
 UNMOVED = 0.001  # smallest shift of a pose that counts as a change [voxels]
+_SURE = 0.8  # probability that all uncertain steps are right, from which they need no warning
 LISTED = 10  # largest number of scan names in a sentence
 FAR = 4.0  # residual of a control point beyond which a warning is given [standard deviations]
 _OPEN = {
@@ -208,30 +209,19 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     """A sentence about uncertain steps, such as where a vehicle was moved between two scans; not about those between
     measured positions, which would show that."""
-    steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
-    weak = weak_steps(result.pairs, free=True)
+    kept = {pair.scans for pair in result.pairs if pair.role == "sequential" and pair.edge is not None}
     located = {pose for pose, prior in result.solution.graph.priors if prior.knows_position}
-    alone = [
-        step
-        for step in steps
-        if not located.issuperset(step.scans) and (step.scans in weak or _is_only_likely(step, result.pairs))
-    ]
-    if alone:
-        first = alone[0]
+    unsure = [step for step in unconfirmed_steps(result.pairs) if step.scans in kept]
+    unsure = [step for step in unsure if not located.issuperset(step.scans)]
+    right = math.prod(step.registration.probability for step in unsure if step.registration)
+    if right < _SURE:
+        first = unsure[0]
         yield (
-            f"{len(alone)} of {len(steps)} steps between consecutive scans, as between {names[first.i]} and "
-            f"{names[first.j]}, are uncertain, and no other pair confirms them independently. If the vehicle was moved "
-            "in between, give the scans before and after in folders of their own"
+            f"{len(unsure)} of {len(kept)} steps between consecutive scans, as between {names[first.i]} and "
+            f"{names[first.j]}, are uncertain: all are right with a probability of {right:.0%}, and no other pair "
+            "confirms them independently. If the vehicle was moved in between, give the scans before and after in "
+            "folders of their own"
         )
-
-
-def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
-    """Whether only the prior for consecutive scans supports a step, and no freely registered pair spans it."""
-    edge = step.edge
-    if edge is None or not edge.registration.is_only_likely:
-        return False
-    beside = (pair for pair in pairs if pair.kept and pair.accepted and pair.expected is None)
-    return not any(pair.i <= step.i and step.j <= pair.j and pair.scans != step.scans for pair in beside)
 
 
 def understated_rows(result: SurveyResult) -> list[dict[str, Any]]:
