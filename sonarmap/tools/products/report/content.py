@@ -15,7 +15,7 @@ from sonarmap.tools.files.geo import VERTICALS
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.readers.constraints import TRANSFORM
 from sonarmap.tools.files.readers.trajectory import rigid_transform
-from sonarmap.tools.products.report.points import MOST_CODE, codes, doubtful_of, pack
+from sonarmap.tools.products.report.points import MOST_CODE, codes, pack
 from sonarmap.tools.products.report.provenance import citation, inputs_of, map_command, setting_rows, title
 
 PICTURES = (".png",)
@@ -32,19 +32,17 @@ class Content:
 
     shown: what the page shows, for JSON.
     points: gzipped planes of every part of the map, as of `pack`.
-    doubtful: those of the points that the map left out; None without any.
     pictures: {file name: content}."""
 
     shown: dict[str, Any]
     points: tuple[bytes, ...]
-    doubtful: tuple[bytes | None, ...]
     pictures: dict[str, bytes]
 
 
 def content_of(folder: Map) -> Content:
     """Content of the report on a finished map."""
     summary, graph = folder.summary, folder.graph
-    parts, points, doubtful = zip(*(_part(folder, part) for part in folder.parts), strict=True)
+    parts, points = zip(*(_part(folder, part) for part in folder.parts), strict=True)
     shown = {
         "title": title(
             inputs_of(summary["settings"]), np.array([pose["stamp"] for pose in graph["poses"]], np.float64)
@@ -70,14 +68,13 @@ def content_of(folder: Map) -> Content:
         "georeference": summary.get("georeference"),
         "citation": citation(summary["versions"]),
     }
-    return Content(shown, points, doubtful, _pictures(folder))
+    return Content(shown, points, _pictures(folder))
 
 
-def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | None]:
-    """Row of one part of the map, its packed points, and its packed doubtful points."""
+def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes]:
+    """Row of one part of the map, and its packed points."""
     columns, scales = _columns(part)
     data, layout = pack(part.points, columns, folder.voxel)
-    doubtful_data, doubtful = doubtful_of(folder, part)
     everything = np.concatenate([part.points, part.trajectory.T_world_sensor.translation])
     low, high = np.quantile(part.points[:, 2], _EXTREMES).tolist()
     row = {
@@ -85,7 +82,6 @@ def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | No
         "count": len(part.points),
         "voxel": folder.voxel,
         "packed": layout,
-        "doubtful": doubtful,
         "scales": scales,
         "extent": np.quantile(everything, (0, 1), axis=0).tolist(),
         "middle": np.quantile(everything, (_STRAY, 1 - _STRAY), axis=0).tolist(),
@@ -95,7 +91,7 @@ def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | No
         "on_earth": folder.on_earth(part),
         "unmeasured": list(part.unmeasured) if part.in_world else [],
     }
-    return row, data, doubtful_data
+    return row, data
 
 
 def _columns(part: MapPart) -> tuple[dict[str, np.ndarray], dict[str, tuple[float, float]]]:

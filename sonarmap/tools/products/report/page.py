@@ -42,13 +42,11 @@ def write_report(folder: Map) -> Path:
 
 def report_text(content: Content) -> str:
     """HTML of a self-contained page; its texts are JSON, which the scripts show as text, or escaped. The gzipped points
-    of part N are in the element points-N, those that the map left out in doubtful-N."""
+    of part N are in the element points-N."""
     shown = content.shown
     elements = [
-        f'<script type="application/gzip" id="{kind}-{number}">{_base64(data)}</script>'
-        for kind, packed in {"points": content.points, "doubtful": content.doubtful}.items()
-        for number, data in enumerate(packed)
-        if data is not None
+        f'<script type="application/gzip" id="points-{number}">{_base64(data)}</script>'
+        for number, data in enumerate(content.points)
     ]
     return Template(part(REPORT_WEB, "page.html")).substitute(
         joined([(REPORT_WEB, "page.css")], [(REPORT_WEB, name) for name in SCRIPTS]),

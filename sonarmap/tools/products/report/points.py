@@ -7,20 +7,14 @@ The bytes are laid out in planes (all low bytes of x, then all high bytes of x, 
 """
 
 import gzip
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.map_folder.folder import Map, MapPart
-from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
-
 FRACTION = 64  # quanta in a voxel: coordinates are rounded by at most a 128th of a voxel
 TILE = 1 << 16  # edge of a tile [quanta]
 MOST_CODE = 255
-MOST_DOUBTFUL = 300_000  # largest number of doubtful points, about 2 MB of the page
 _LEVEL = 6  # of gzip: a higher one takes three times as long for two percent
 _AXES = 3
 _SPACED = (  # shifts and masks that insert two zeros between the bits of a number of 16 bits
@@ -53,30 +47,6 @@ def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) ->
         planes += _bytes_of(values[order].astype(np.uint32), sizes[name])
     data = gzip.compress(b"".join(plane.tobytes() for plane in planes), _LEVEL, mtime=0)
     return data, {"quantum": quantum, "tiles": tiles, "planes": sizes}
-
-
-def doubtful_of(folder: Map, part: MapPart) -> tuple[bytes, dict[str, Any]] | tuple[None, None]:
-    """Packed doubtful points of a part, evenly thinned to MOST_DOUBTFUL, with their layout and numbers; None without
-    any."""
-    name = f"map_all{part.suffix}.ply"
-    if name not in folder.summary.get("files", ()) or not (folder.path / name).is_file():
-        return None, None
-    try:
-        columns = read_ply_columns((folder.path / name).read_bytes())
-        left_out = columns["doubtful"] == 1
-        points = np.column_stack([columns[axis][left_out].astype(np.float64) for axis in "xyz"])
-        scans = columns["scan"][left_out]
-        votes = {name: np.clip(columns[name][left_out], 0, MOST_CODE) for name in ("seen", "looked")}
-    except (InputError, KeyError, OSError) as error:
-        raise InputError(f"{folder.path / name} is damaged ({error}); map again") from error
-    if not (np.isfinite(points).all() and np.isin(scans, part.scans).all()):
-        raise InputError(f"{folder.path / name} holds points that are not finite, or of other scans; map again")
-    if not len(points):
-        return None, None
-    thinned = slice(None, None, math.ceil(len(points) / MOST_DOUBTFUL))
-    shown = {name: column[thinned] for name, column in {**votes, "scan": scans}.items()}
-    data, layout = pack(points[thinned], shown, folder.voxel)
-    return data, {"packed": layout, "all": len(points), "count": len(points[thinned])}
 
 
 def codes(values: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:

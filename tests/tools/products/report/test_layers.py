@@ -3,92 +3,38 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.user_file import read_json
-from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.report.content import content_of
-from sonarmap.tools.products.report.points import FRACTION, codes, doubtful_of, pack
-from tests.tools.products.report.browser import Opened, click, opened, wait_until
-from tests.tools.products.report.known_map import QUANTUM, A, B, folder_of, known_points, unpack, written
+from sonarmap.tools.products.report.points import FRACTION, codes, pack
+from tests.tools.products.report.browser import Opened, opened
+from tests.tools.products.report.known_map import folder_of, known_points, unpack, written
 
 SHIFT = np.array([0.75, -1.5, 0.25])  # of the track before the loops [m]
 
 
-def with_doubtful_points(out: Path, count: int = 2, **spoiled: Any) -> Map:
-    """Map with `count` doubtful points, B and others below the map; its track before the loops is off by SHIFT."""
-    clean = np.delete(known_points(), 1, axis=0)
-    folder = folder_of(clean, out)
-    below = np.column_stack([np.linspace(-12, 14, count - 1), np.full(count - 1, -9.0), np.full(count - 1, -7.5)])
-    points = np.concatenate([clean, [B], below])
-    left_out = np.arange(len(points)) >= len(clean)
-    columns = {
-        "seen": np.where(left_out, 1, 3),
-        "looked": np.full(len(points), 4),
-        "scan": np.arange(len(points)) % 8,
-        "doubtful": left_out.astype(np.uint8),
-    }
-    write_ply(out / "map_all.ply", points, columns | spoiled)
+def with_track_before_loops(out: Path) -> Map:
+    """Map of the known points whose track before the loops is off by SHIFT."""
+    folder = folder_of(known_points(), out)
     graph = read_json(out / FULL_GRAPH, "a graph")
     for pose in graph["poses"]:
         before = np.array(pose["T_world_sensor"])
         before[:3, 3] += SHIFT
         pose["T_world_sensor_before_loops"] = before.tolist()
-    return replace(folder, graph=graph, summary=dict(folder.summary) | {"files": ["map_all.ply"]})
+    return replace(folder, graph=graph)
 
 
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    out = tmp_path_factory.mktemp("doubted") / "out"
-    with opened(written(content_of(with_doubtful_points(out)), out / "report.html")) as page:
+    out = tmp_path_factory.mktemp("layers") / "out"
+    with opened(written(content_of(with_track_before_loops(out)), out / "report.html")) as page:
         yield page
-
-
-@pytest.mark.slow
-def test_false_echoes_are_shown_and_picked_on_request(shown: Opened) -> None:
-    page = shown.page
-    view = "sonarmap.view"
-    page.evaluate(f"Object.assign({view}.shown, {{track: false, kept: false}}); {view}.camera.fromAbove()")
-    pick = f"place => {view}.pick(...{view}.camera.project(place).slice(0, 2))"
-    assert page.evaluate(pick, B.tolist()) is None
-    box = page.locator("label.doubtful")
-    assert "2 false echoes" in box.inner_text()
-    box.locator("input").check()
-    wait_until(page, f"{view}.doubtful")
-    hit = page.evaluate(pick, B.tolist())
-    assert np.abs(np.array(hit["place"]) - B).max() <= QUANTUM / 2 + 1e-9
-    assert "point" in page.evaluate(pick, A.tolist())
-    click(page, B)
-    for words in ("false echo", "1 scan", "4 scans", "scan3"):  # B is the 60th of the points
-        assert words in page.locator("#picked").inner_text()
-    box.locator("input").uncheck()
-    assert page.evaluate(pick, B.tolist()) is None
-    page.evaluate(f"{view}.leave(); Object.assign({view}.shown, {{track: true, kept: true}})")
-
-
-def test_doubtful_points_may_be_missing_but_not_damaged(tmp_path: Path) -> None:
-    """Without doubtful points, an entry in the summary or the file, there is no layer; a damaged file is named."""
-    folder = with_doubtful_points(tmp_path / "out", doubtful=np.zeros(61, np.uint8))
-    part = folder.parts[0]
-    none = (None, None)
-    assert doubtful_of(folder, part) == none
-    assert doubtful_of(replace(folder, summary=dict(folder.summary) | {"files": []}), part) == none
-    (folder.path / "map_all.ply").unlink()
-    assert doubtful_of(folder, part) == none
-    folder = with_doubtful_points(tmp_path / "damaged", scan=np.full(61, 99))
-    whole = (folder.path / "map_all.ply").read_bytes()
-    for spoiled in (whole, whole[:300], whole[:-5], b"", whole.replace(b"looked", b"loaked")):
-        (folder.path / "map_all.ply").write_bytes(spoiled)
-        with pytest.raises(InputError, match=r"map_all\.ply"):
-            doubtful_of(folder, folder.parts[0])
 
 
 VOXEL = 0.25
@@ -134,17 +80,6 @@ def test_packing_a_surface_is_compact_and_reproducible() -> None:
     data, layout = pack(points, {}, VOXEL)
     assert len(data) / len(points) < 3.3
     assert (data, layout) == pack(points.copy(), {}, VOXEL)
-
-
-def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
-    folder = with_doubtful_points(tmp_path / "out", 100)
-    with patch("sonarmap.tools.products.report.points.MOST_DOUBTFUL", 30):
-        data, shown = doubtful_of(folder, folder.parts[0])
-    assert data is not None
-    assert shown is not None
-    assert (shown["all"], shown["count"]) == (100, 25)
-    points, columns = unpack(data, shown["packed"])
-    assert (len(points), set(columns)) == (25, {"seen", "looked", "scan"})
 
 
 @pytest.mark.slow

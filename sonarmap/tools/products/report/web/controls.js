@@ -1,12 +1,12 @@
 // The form beside the map, and what it says of what was picked.
 
 const LAYERS = {
-  points: "points", doubtful: "false echoes, left out", track: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
+  points: "points", track: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
   kept: "kept", refused: "refused", decided: "ties by hand", control: "control points", wrong: "positions left out",
 };
 
 /** Fill the form for the part that is shown; `change` shows another part, by its number. */
-function showControls(form, view, content, number, change, unpackDoubtful) {
+function showControls(form, view, content, number, change) {
   const select = (label, options, chosen, onchange) =>
     make("label", {}, label, choice(options, { onchange: (event) => onchange(event.target.value) }, chosen));
   const times = (factors) => factors.map((factor) => [factor, factor === 1 ? "as they are" : `${factor} times`]);
@@ -25,7 +25,7 @@ function showControls(form, view, content, number, change, unpackDoubtful) {
       showLegend(legend, view);
     }),
     legend,
-    make("fieldset", {}, make("legend", {}, "Show"), ...layerBoxes(view, unpackDoubtful),
+    make("fieldset", {}, make("legend", {}, "Show"), ...layerBoxes(view),
       select("Ellipsoids (95 %)", times([1, 10, 100]), view.factor, enlarge("factor")),
       view.control.length
         ? select("Residuals", [[0, "not drawn"], ...times([1, 10, 100, 1000])], view.exaggeration, enlarge("exaggeration")) : "",
@@ -44,23 +44,20 @@ function showControls(form, view, content, number, change, unpackDoubtful) {
 }
 
 /** A box for every layer that this part has. */
-function layerBoxes(view, unpackDoubtful) {
+function layerBoxes(view) {
   const { part } = view;
   const counts = { kept: 0, refused: 0 };
   for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
-  const there = { doubtful: part.doubtful, before: part.track.before, kept: counts.kept, refused: counts.refused, wrong: view.wrong.length };
-  const change = async (name, on) => {
+  const there = { before: part.track.before, kept: counts.kept, refused: counts.refused, wrong: view.wrong.length };
+  const change = (name, on) => {
     view.shown[name] = on;
-    if (name === "doubtful" && on && !view.doubtful) view.showDoubtful(await unpackDoubtful());
     view.showLayers();
   };
-  const thinned = part.doubtful && part.doubtful.count < part.doubtful.all
-    ? make("small", {}, `${part.doubtful.count.toLocaleString("en")} of ${part.doubtful.all.toLocaleString("en")} of them, evenly chosen`) : null;
-  const worded = { kept: `${counted(counts.kept, "loop")} kept`, refused: `${counted(counts.refused, "pair")} refused`, doubtful: `${part.doubtful?.all.toLocaleString("en")} false echoes, left out` };
+  const worded = { kept: `${counted(counts.kept, "loop")} kept`, refused: `${counted(counts.refused, "pair")} refused` };
   return Object.entries(LAYERS).filter(([name]) => there[name] === undefined || there[name]).map(([name, text]) =>
     make("label", { class: `layer ${name}` },
       make("input", { type: "checkbox", checked: view.shown[name], onchange: (event) => change(name, event.target.checked) }),
-      worded[name] ?? text, name === "doubtful" ? thinned : null));
+      worded[name] ?? text));
 }
 
 /** A slider that cuts points off at a height: at its outer end, nothing. */
@@ -106,7 +103,6 @@ function pickedRows(view, content, hit) {
   if (hit.distance) return [distanceList(view, hit.distance)];
   if (hit.pair)
     return [...pairRows(content, hit.pair), make("p", { class: "decide" }, "By hand: ", verdictButtons(view.decisions, hit.pair))];
-  if ("doubtful" in hit) return [doubtfulList(view, content, hit)];
   return hit.place ? [pointList(view, content, hit)] : poseRows(view, content, hit.pose);
 }
 
@@ -153,16 +149,6 @@ function pointList(view, content, { point, place }) {
     ["mostly by", content.names[scan]],
     ["x, y, z in that scan", inScan], // as --control takes them
     several && ["of survey", columns.survey[point]],
-  ]);
-}
-
-function doubtfulList(view, content, { doubtful, place }) {
-  const { seen, looked, scan } = view.doubtful.columns;
-  return list("Left out as a false echo", [
-    ...placeRows(view, place, view.doubtful.quantum),
-    ["seen by", counted(seen[doubtful], "scan")],
-    ["where looked", counted(looked[doubtful], "scan")],
-    ["mostly by", content.names[scan[doubtful]]],
   ]);
 }
 

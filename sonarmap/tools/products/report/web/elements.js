@@ -13,8 +13,6 @@ const RAMPS = {
 const CATEGORIES = "0072b2 e69f00 009e73 cc79a7 56b4e9 d55e00 f0e442 999999";
 const UNKNOWN = [128, 128, 128];
 const TEXELS = 256; // of a palette; the last is for what is not known
-const LEFT_OUT = 256; // the texel behind them, of points that the map left out
-const LEFT_OUT_COLOR = [226, 40, 60];
 
 const colorsOf = (hexes) => hexes.split(" ").map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
 

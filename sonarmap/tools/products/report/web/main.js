@@ -4,25 +4,12 @@ const $ = (selector) => document.querySelector(selector);
 const content = JSON.parse($("#content-json").textContent);
 const pictures = JSON.parse($("#pictures-json").textContent);
 const decisions = new Decisions(content);
-const unpacked = new Map();
 let view = null;
-
-/** The points under an id, unpacked when they are first asked for. */
-function pointsOf(id, packed) {
-  if (!unpacked.has(id)) {
-    const element = $(`#${id}`);
-    unpacked.set(id, unpack(packed, element.textContent));
-    element.textContent = ""; // these megabytes are not needed twice
-  }
-  return unpacked.get(id);
-}
 
 async function showPart(number) {
   const part = content.parts[number];
-  const doubtful = () => pointsOf(`doubtful-${number}`, part.doubtful.packed);
-  view.showPart(part, await pointsOf(`points-${number}`, part.packed));
-  if (view.shown.doubtful && part.doubtful) view.showDoubtful(await doubtful());
-  showControls($("#controls"), view, content, number, showPart, doubtful);
+  view.showPart(part, await unpack(part.packed, $(`#points-${number}`).textContent));
+  showControls($("#controls"), view, content, number, showPart);
   $("#opening").hidden = true;
 }
 

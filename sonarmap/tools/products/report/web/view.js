@@ -9,7 +9,7 @@ const [SLOW, QUICK] = [50, 20]; // [ms]
 const ARM = 0.012; // of a control point's cross, as a share of the map's reach
 
 class View {
-  /** `tell` is called with what was picked: {point}, {doubtful}, {pose}, {pair}, {distance} or {tying}, or null. */
+  /** `tell` is called with what was picked: {point}, {pose}, {pair}, {distance} or {tying}, or null. */
   constructor(stage, content, decisions, tell) {
     Object.assign(this, { stage, content, decisions, tell });
     this.canvas = stage.querySelector("canvas");
@@ -20,7 +20,7 @@ class View {
     this.movedAt = -Infinity;
     this.moved = false; // since the last frame
     this.step = THIRD;
-    this.shown = { points: true, doubtful: false, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true, wrong: true };
+    this.shown = { points: true, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true, wrong: true };
     this.measuring = false;
     this.tying = null; // the scan that the next pose is tied to
     this.measured = [];
@@ -33,7 +33,6 @@ class View {
   showPart(part, points) {
     this.part = part;
     this.points = points;
-    this.doubtful = null;
     this.camera = new Camera(part.extent, part.middle);
     this.resize();
     this.camera.reset(); // as the picture is high and wide now
@@ -44,7 +43,6 @@ class View {
     this.exaggeration = fittingExaggeration(this.control, this.camera.reach);
     this.colorings = coloringsOf(part, points, this.content);
     this.scene.showPoints("points", points);
-    this.scene.showPoints("doubtful", null);
     this.colorBy(this.coloring in this.colorings ? this.coloring : "depth");
     this.measured = [];
     this.mark = null;
@@ -57,16 +55,8 @@ class View {
     const { color, palette } = this.colorings[(this.coloring = name)];
     const { places, count } = this.points;
     for (let k = 0; k < count; k++) places[4 * k + 3] = color(k);
-    this.scene.usePalette([...palette, LEFT_OUT_COLOR]);
+    this.scene.usePalette(palette);
     this.scene.upload("points");
-    this.request();
-  }
-
-  /** Add the points that the map left out, unpacked. */
-  showDoubtful(points) {
-    this.doubtful = points;
-    for (let k = 0; k < points.count; k++) points.places[4 * k + 3] = LEFT_OUT;
-    this.scene.showPoints("doubtful", points);
     this.request();
   }
 
@@ -149,12 +139,8 @@ class View {
       if (line !== null) return { pair: seen[line] };
     }
     const { voxel } = part, edge = this.scene.edge(camera, voxel, this.scale);
-    for (const name of ["points", "doubtful"]) {
-      const points = this[name];
-      const point = shown[name] && points ? pointAt(points, camera, x, y, edge, voxel, this.heights) : null;
-      if (point !== null) return { [name === "points" ? "point" : name]: point, place: placeOf(this[name], point) };
-    }
-    return null;
+    const point = shown.points ? pointAt(this.points, camera, x, y, edge, voxel, this.heights) : null;
+    return point === null ? null : { point, place: placeOf(this.points, point) };
   }
 
   click(x, y, near) {
@@ -196,9 +182,8 @@ class View {
     const now = performance.now();
     const moving = this.moved || now - this.movedAt < STILL; // a slow machine draws long after it was asked
     this.moved = false;
-    const clouds = ["points", "doubtful"].filter((name) => this.shown[name]), { scale, scene, heights } = this;
-    const count = clouds.reduce((all, name) => all + (scene.clouds.get(name)?.points.count ?? 0), 0);
-    const step = moving && count > MANY ? this.stepFor(now) : 1;
+    const clouds = this.shown.points ? ["points"] : [], { scale, scene, heights } = this;
+    const step = moving && this.points.count > MANY ? this.stepFor(now) : 1;
     scene.draw(this.camera, { ground: this.ground(), clouds, voxel: this.part.voxel, scale, step, heights });
     this.frames++;
     [this.drawnAt, this.wasMoving] = [now, moving];
