@@ -16,7 +16,7 @@ from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.readers.constraints import TRANSFORM
 from sonarmap.tools.files.readers.trajectory import rigid_transform
 from sonarmap.tools.products.report.points import MOST_CODE, codes, pack
-from sonarmap.tools.products.report.provenance import citation, inputs_of, map_command, setting_rows, title
+from sonarmap.tools.products.report.provenance import citation, inputs_of, setting_rows, title
 
 PICTURES = (".png",)
 _EXTREMES = (0.01, 0.99)  # quantiles of heights at the ends of the color scale
@@ -59,7 +59,6 @@ def content_of(folder: Map) -> Content:
         "ties": tie_rows(summary, folder.names),
         "control_points": control_rows(summary, folder.parts, folder.names),
         "key": map_key(summary, folder.names),
-        "command": map_command(summary["settings"], folder.georeference),
         "graph": summary["graph"],
         "settings": setting_rows(summary["settings"]),
         "versions": summary["versions"],

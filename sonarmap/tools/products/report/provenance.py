@@ -1,16 +1,14 @@
-"""Provenance of a map: its title, its settings, its citation, and the command that makes it again."""
+"""Provenance of a map: its title, its settings and its citation."""
 
 import glob
 import math
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from sonarmap.kernels.counted import counted
-from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.time_scales import are_times, utc_text
 
 _NAMED = 3  # largest number of inputs in a title
@@ -37,17 +35,6 @@ CITATION = (
     "Bülow, H., Birk, A.: Spectral registration of noisy sonar data for underwater 3D mapping. "
     "Autonomous Robots 30 (2011). doi:10.1007/s10514-011-9221-8"
 )
-# Settings of the mapper with an option: path in the settings, option, default.
-_OF_MAPPER = (
-    ("loops.per_scan", "--loops", 2),
-    ("limits.speed", "--max-speed", None),
-    ("limits.turn_rate", "--max-turn-rate", None),
-    ("limits.step", "--set", None),
-    ("keys.step", "--set", None),
-    ("min_seen", "--set", 2),
-)
-_NOT_OPTIONS = ("inputs", "method", "ties")  # the page itself adds the ties that it saves
-_EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says otherwise [deg]
 
 
 def inputs_of(settings: Mapping[str, Any]) -> list[str]:
@@ -126,50 +113,3 @@ def _worded(name: str, value: Any) -> str:
     unit = UNITS[name]
     in_degrees = f" ({math.degrees(value):.4g} deg{unit[3:]})" if unit.startswith("rad") else ""
     return f"{value:.6g} {unit}{in_degrees}"
-
-
-def map_command(settings: Mapping[str, Any], georeference: Georeference | None = None) -> dict[str, str]:
-    """`sonarmap map` with the options of a map's settings, and its inputs, quoted for a POSIX shell.
-
-    --origin is given unless navigation sets the place. The grid stays, so that pairs in the journal are not registered
-    again. The page adds its own folder, so that its bytes do not depend on it."""
-    words = ["sonarmap", "map"]
-    if "method" in settings:
-        words += ["--method", str(settings["method"])]
-    grid = settings.get("grid")
-    if isinstance(grid, Mapping):
-        words += ["--grid", str(grid["edge"]), "--voxel", str(grid["voxel"])]
-    for name, value in settings.items():
-        for item in cast("list[Any]", value) if isinstance(value, list) else [value]:
-            if name not in _NOT_OPTIONS and isinstance(item, str | int | float):
-                words += _option(f"--{name.replace('_', '-')}", item)
-    words += _mapper_words(settings.get("mapper"))
-    if georeference is not None and "priors" not in settings:
-        words += _origin_words(georeference)
-    inputs = [f"./{path}" if path.startswith("-") else path for path in inputs_of(settings)]
-    return {"options": shlex.join(words), "inputs": shlex.join(inputs)}
-
-
-def _mapper_words(mapper: Any) -> list[str]:
-    words: list[str] = []
-    for path, option, default in _OF_MAPPER:
-        value = mapper
-        for name in path.split("."):
-            value = value.get(name) if isinstance(value, Mapping) else None
-        if isinstance(value, int | float) and value != default:
-            value = float(f"{math.degrees(value):.12g}") if option == "--max-turn-rate" else value
-            words += _option(option, f"{path}={value}" if option == "--set" else value)
-    return words
-
-
-def _origin_words(here: Georeference) -> list[str]:
-    words = _option("--origin", f"{here.latitude!r},{here.longitude!r},{here.height!r}")
-    words += ["--vertical", here.vertical]
-    return words if here.heading == _EAST else [*words, "--origin-heading", repr(here.heading)]
-
-
-def _option(name: str, value: str | float) -> list[str]:
-    if isinstance(value, bool):
-        return [name] if value else []
-    text = str(value)
-    return [f"{name}={text}"] if text.startswith("-") else [name, text]

@@ -1,6 +1,5 @@
-"""Content of the page: heights and depths, the command, and the verdict."""
+"""Content of the page: heights and depths, and the verdict."""
 
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,6 @@ import pytest
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.products.report.content import content_of, verdict
-from sonarmap.tools.products.report.provenance import map_command
 from tests.tools.products.export.finished import finished_map
 
 HEIGHT = "height over the first scan"
@@ -28,51 +26,6 @@ def test_depths_need_a_datum(tmp_path: Path, here: Georeference | None, label: s
     assert (part["height"]["label"], part["height"]["zero"]) == (label, zero)
     assert part["on_earth"] == (here is not None)
     assert part["axes"] == ["x", "y", "z"]
-
-
-MAPPER = {"loops": {"per_scan": 2}, "limits": {"speed": None, "turn_rate": None, "step": None}, "min_seen": 2}
-
-
-def command_words(settings: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Options after `sonarmap map`, and the inputs, as a shell splits them."""
-    command = map_command(settings)
-    options = shlex.split(command["options"])
-    assert options[:2] == ["sonarmap", "map"]
-    return options[2:], shlex.split(command["inputs"])
-
-
-def test_inputs_are_quoted_and_not_taken_for_options() -> None:
-    paths = ["a b.ply", "it's.ply", 'say "x".ply', "$HOME.ply", "new\nline.ply", "`x`;rm *.ply", "grün.ply", "scans/"]
-    assert command_words({"inputs": paths}) == ([], paths)
-    assert command_words({"inputs": "-x.ply"}) == ([], ["./-x.ply"])
-
-
-def test_the_command_repeats_the_given_options_and_the_grid() -> None:
-    grid = {"inputs": [], "method": "icp", "grid": {"edge": 64, "voxel": 0.1 + 0.2}, "mapper": MAPPER}
-    assert command_words(grid)[0] == ["--method", "icp", "--grid", "64", "--voxel", "0.30000000000000004"]
-    settings = {
-        "priors": "nav log.csv",
-        "nav_offset": "-1.5",
-        "sound_speed": 1487.5,
-        "ties": "old.csv",
-        "spectral": {"hypotheses": 6},
-        "mapper": MAPPER
-        | {"loops": {"per_scan": 5}, "keys": {"step": 0.5}, "min_seen": 1}
-        | {"limits": {"speed": 1.5, "turn_rate": 0.5235987755982988, "step": None}},
-    }
-    assert command_words(settings)[0] == [
-        *("--priors", "nav log.csv", "--nav-offset=-1.5", "--sound-speed", "1487.5", "--loops", "5"),
-        *("--max-speed", "1.5", "--max-turn-rate", "30.0", "--set", "keys.step=0.5"),
-        *("--set", "min_seen=1"),
-    ]
-
-
-def test_the_command_repeats_the_origin_without_navigation() -> None:
-    """Control points are in meters from the origin."""
-    here = Georeference(-33.5, 151.25, 4.5, "MSL", 45.0)
-    options = shlex.split(map_command({"inputs": []}, here)["options"])
-    assert options[2:] == ["--origin=-33.5,151.25,4.5", "--vertical", "MSL", "--origin-heading", "45.0"]
-    assert "--origin" not in map_command({"inputs": [], "priors": "nav.csv"}, here)["options"]
 
 
 NAMES = [f"dive#{k}" for k in range(9)]

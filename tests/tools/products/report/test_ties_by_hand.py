@@ -1,6 +1,5 @@
 """Ties decided by clicks in Chromium, and the file that the page saves."""
 
-import shlex
 from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
@@ -56,13 +55,6 @@ class TestOfOnePage:
         first, second = ends(content, 0), ends(content, 1)
         rejected = tie(*first, "reject", 'like, "another" pillar')
         assert saved(page, "ties", tmp_path) == [rejected, tie(*second, "accept")]
-        command = page.page.locator("#ties .command").inner_text()
-        folder = Path(page.page.evaluate("decodeURIComponent(location.pathname)")).parent
-        words = shlex.split(command)
-        assert words[:2] == ["sonarmap", "map"]
-        assert words[words.index("-o") + 1] == str(folder)
-        assert " --ties ties.csv" in command
-        assert "--control" not in command
 
     def test_names_are_saved_as_they_are(self, page: Opened, tmp_path: Path) -> None:
         """Commas, quotes, line breaks, a # or blanks at the ends, letters of any script, bytes that are no UTF-8."""

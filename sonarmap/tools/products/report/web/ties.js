@@ -148,11 +148,11 @@ function tieSection(content, decisions, choose) {
   follow(decisions, fill);
   return [
     make("p", {}, `Where you know better than the map: accept or reject a pair here, in the list of loops or in the map, or tie two
-      scans that the map did not try. Then save ties.csv and map again. A rejected pair costs no registration again.`),
+      scans that the map did not try. Then save ties.csv, and map again with the same options and --ties ties.csv. A rejected pair
+      costs no registration again.`),
     body,
     nameForm(content, decisions, choose),
     fileButtons(decisions),
-    commandBox(decisions),
   ];
 }
 
@@ -195,26 +195,6 @@ function fileButtons(decisions) {
 }
 
 const saveButton = (decisions) => button("Save ties.csv", () => saveFile("ties.csv", tiesFile(decisions)), { class: "save" });
-
-/** The folder of this page, quoted for a POSIX shell: that of the map, whose pairs are not registered again. */
-function ownFolder() {
-  const folder = location.protocol === "file:" ? decodeURIComponent(location.pathname).replace(/\/[^/]*$/, "") : "map";
-  return /^[\w@%+=:,.\/-]+$/.test(folder) ? folder : `'${folder.replaceAll("'", "'\"'\"'")}'`;
-}
-
-/** The command that makes the map again with the ties. */
-function commandBox(decisions) {
-  const command = make("code", { class: "command", tabindex: 0 });
-  const box = make("div", {}, make("p", {}, `Then run this where you ran the first map, with the file there; add any other options that
-    you gave. Click on it to select it.`), command);
-  const update = () => {
-    const { options, inputs } = decisions.content.command;
-    command.textContent = `${options} -o ${ownFolder()} --ties ties.csv ${inputs}`;
-    box.hidden = !decisions.ties.length;
-  };
-  follow(decisions, update);
-  return box;
-}
 
 /** Beside the map: how much is decided, and the file. */
 function showDecided(box, decisions) {
