@@ -90,10 +90,10 @@ def path_of(content: Content, to: Path, **changes: Any) -> Path:
     return written(replace(content, shown=content.shown | {"names": list(NAMES)} | changes), to / "report.html")
 
 
-def saved(page: Opened, kind: str, to: Path, button: str = "#{} .save") -> list[dict[str, str]]:
+def saved(page: Opened, kind: str, to: Path) -> list[dict[str, str]]:
     """The rows of the file that a button saves, as Python's csv reads them, without the comment."""
     with page.page.expect_download() as download:
-        page.page.locator(button.format(kind)).click()
+        page.page.locator(f"#{kind} .save").click()
     assert download.value.suggested_filename == f"{kind}.csv"
     download.value.save_as(to / f"{kind}.csv")
     content = (to / f"{kind}.csv").read_bytes().decode("utf-8")

@@ -13,8 +13,8 @@ async function showPart(number) {
   $("#opening").hidden = true;
 }
 
-/** Show a pair in the map, in the part that holds it, and go there unless the user should stay. */
-async function choose(pair, go = true) {
+/** Show a pair in the map, in the part that holds it, and go there. */
+async function choose(pair) {
   if (!view) return;
   const number = content.parts.findIndex(({ track }) => track.scans.includes(pair.target) && track.scans.includes(pair.source));
   if (number < 0) return showPicked($("#picked"), view, content, { pair });
@@ -23,7 +23,7 @@ async function choose(pair, go = true) {
   view.camera.lookAt(sum(...drawn.ends).map((value) => value / 2));
   view.choose(drawn);
   showPicked($("#picked"), view, content, { pair: drawn });
-  if (go) $("#map").scrollIntoView({ block: "start" });
+  $("#map").scrollIntoView({ block: "start" });
 }
 
 /** Show pose k of a part in the map. */
@@ -37,7 +37,6 @@ async function showPose(number, k) {
 /** Whatever was decided shows everywhere. */
 function showDecisions() {
   for (const buttons of document.querySelectorAll(".verdicts")) buttons.update();
-  if ($("#decided")) showDecided($("#decided"), decisions);
   if (view?.part) view.showLayers();
 }
 

@@ -118,7 +118,7 @@ function tiesFile({ ties, content }) {
   return csvOf(`ties for sonarmap map --ties, decided in the report of: ${content.title}`, columns, ties.map((tie) => ({ ...tie, ...tie.transform })));
 }
 
-/** What is decided, a line each with a note; ties by name; and the file. `choose` shows a pair in the map. */
+/** What is decided, a line each with a note, and the file. `choose` shows a pair in the map. */
 function tieSection(content, decisions, choose) {
   const made = new Map(content.ties.map((tie) => [`${tie.target}\n${tie.source}`, tie]));
   const body = make("div");
@@ -151,55 +151,22 @@ function tieSection(content, decisions, choose) {
       scans that the map did not try. Then save ties.csv, and map again with the same options and --ties ties.csv. A rejected pair
       costs no registration again.`),
     body,
-    nameForm(content, decisions, choose),
     fileButtons(decisions),
   ];
-}
-
-/** Two scans by their names. */
-function nameForm(content, decisions, choose) {
-  const said = make("p", { role: "status" });
-  const field = (label) => make("input", { type: "text", list: "scan-names", "aria-label": label, placeholder: label, autocomplete: "off" });
-  const [one, other] = [field("one scan"), field("the other scan")];
-  const scanOf = (input) => decisions.index.get(input.value) ?? decisions.index.get(input.value.trim());
-  const add = () => {
-    const scans = [scanOf(one), scanOf(other)];
-    const wrong = [one, other].find((_, k) => scans[k] === undefined);
-    if (wrong) said.textContent = `${wrong.value ? `"${wrong.value}" is not a scan of this map` : "Name two scans"}; the list offers their names.`;
-    else if (scans[0] === scans[1]) said.textContent = "A tie joins two different scans.";
-    else {
-      const pair = decisions.pairOf(decisions.between(...scans));
-      const verdict = decisions.inFavor(pair);
-      said.textContent = verdict === "add" ? "Added: `sonarmap map` will register the pair." : "The map tried this pair already: it is accepted.";
-      decisions.decide(pair, verdict);
-      choose(pair, false);
-      one.value = other.value = "";
-    }
-  };
-  return make("form", { class: "filter", onsubmit: (event) => (event.preventDefault(), add()) },
-    make("datalist", { id: "scan-names" }, ...content.names.map((name) => make("option", { value: name }))),
-    one, other, make("button", { type: "submit" }, "Tie the two"), said);
 }
 
 /** Save, and back to what the map was made with. */
 function fileButtons(decisions) {
   const said = make("p", { role: "status" });
   const buttons = make("div", { class: "buttons" },
-    saveButton(decisions), button("Discard new decisions", () => decisions.forget()), said);
+    button("Save ties.csv", () => saveFile("ties.csv", tiesFile(decisions)), { class: "save" }),
+    button("Discard new decisions", () => decisions.forget()), said);
   const update = () => {
     buttons.hidden = !decisions.ties.length;
     if (decisions.lost) said.textContent = "This browser keeps nothing for pages on disk: save the file before you close this page.";
   };
   follow(decisions, update);
   return buttons;
-}
-
-const saveButton = (decisions) => button("Save ties.csv", () => saveFile("ties.csv", tiesFile(decisions)), { class: "save" });
-
-/** Beside the map: how much is decided, and the file. */
-function showDecided(box, decisions) {
-  const { length } = decisions.ties;
-  box.replaceChildren(...(length ? [make("p", {}, make("a", { href: "#ties" }, `${counted(length, "tie")} by hand`), " ", saveButton(decisions))] : []));
 }
 
 /** A text without halves of characters, which UTF-8 cannot say: as their numbers, as Python's backslashreplace has them. */
