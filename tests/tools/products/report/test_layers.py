@@ -82,27 +82,6 @@ def test_packing_a_surface_is_compact_and_reproducible() -> None:
     assert (data, layout) == pack(points.copy(), {}, VOXEL)
 
 
-@pytest.mark.slow
-def test_the_profile_shows_the_numbers_of_a_pose_and_selects_its_scan(shown: Opened) -> None:
-    """By the mouse over the last pose, and by keys."""
-    page = shown.page
-    svg = page.locator("#poses svg")
-    svg.scroll_into_view_if_needed()
-    box = svg.bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 0.99 * box["width"], box["y"] + 40)
-    readout = page.locator("#poses .said")
-    track = page.evaluate("sonarmap.view.part.track")
-    along = np.linalg.norm(np.diff(track["places"], axis=0), axis=1).sum()
-    for words in ("scan7", f"{along:.1f}\u202fm along", "worst direction"):
-        assert words in readout.inner_text()
-    svg.press("ArrowLeft")
-    assert readout.inner_text().startswith("scan6;")
-    svg.press("Enter")
-    assert "scan6" in page.locator("#picked").inner_text()
-    np.testing.assert_allclose(page.evaluate("sonarmap.view.camera.target"), track["places"][6])
-
-
 def test_the_track_before_the_loops_is_shown_on_request(shown: Opened) -> None:
     page = shown.page
     count = "sonarmap.view.scene.lines.get('before').count"

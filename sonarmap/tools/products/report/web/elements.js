@@ -140,9 +140,9 @@ function curve(places, values, y, s) {
   return make("path", { d: path, class: `curve curve-${s}` });
 }
 
-/** Round numbers from low to high, roughly `about` of them. */
-function ticks(low, high, about = 5) {
-  const rough = (high - low) / about || 1;
+/** Round numbers from low to high, roughly five of them. */
+function ticks(low, high) {
+  const rough = (high - low) / 5 || 1;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= rough);
   const marks = [];

@@ -26,14 +26,6 @@ async function choose(pair) {
   $("#map").scrollIntoView({ block: "start" });
 }
 
-/** Show pose k of a part in the map. */
-async function showPose(number, k) {
-  if (!view) return;
-  if (view.part !== content.parts[number]) await showPart(number);
-  view.showPose(k);
-  $("#map").scrollIntoView({ block: "start" });
-}
-
 /** Whatever was decided shows everywhere. */
 function showDecisions() {
   for (const buttons of document.querySelectorAll(".verdicts")) buttons.update();
@@ -42,7 +34,7 @@ function showDecisions() {
 
 function showSections() {
   $("#concerns").append(...content.verdict.concerns.map((concern) => make("li", {}, concern)));
-  for (const [id, heading, elements] of sectionsOf(content, pictures, decisions, choose, showPose)) {
+  for (const [id, heading, elements] of sectionsOf(content, pictures, decisions, choose)) {
     $("main").append(make("section", { id }, make("h2", {}, heading), ...elements));
     $("nav").append(make("a", { href: `#${id}` }, heading));
   }

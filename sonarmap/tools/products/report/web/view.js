@@ -85,15 +85,6 @@ class View {
     this.request();
   }
 
-  /** Look at a pose, and say what it is. */
-  showPose(k) {
-    this.camera.lookAt(this.part.track.places[k]);
-    this.choose(null);
-    this.mark = this.part.track.places[k];
-    this.tell({ pose: k });
-    this.request();
-  }
-
   /** Have the user pick two points (`measuring`), the pose that is tied to the scan `tying`, or what there is. */
   ask(measuring, tying, message) {
     [this.measuring, this.tying, this.measured] = [measuring, tying, []];
