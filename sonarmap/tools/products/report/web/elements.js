@@ -92,16 +92,6 @@ function follow(decisions, update) {
   update();
 }
 
-/** Dark or light, as the system has it or the button `#theme` chose; `changed` is called when it changes. */
-function followTheme(changed) {
-  document.querySelector("#theme").addEventListener("click", () => {
-    const root = document.documentElement;
-    root.dataset.theme = getComputedStyle(root).colorScheme === "dark" ? "light" : "dark";
-    changed();
-  });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
-}
-
 // Curves as SVG.
 
 const CHART_WIDTH = Math.min(720, Math.max(330, document.documentElement.clientWidth - 24)); // so that its texts can be read on a phone

@@ -49,7 +49,7 @@ function showPictures(why) {
   for (const twice of ["#pictures", 'nav a[href="#pictures"]']) $(twice)?.remove();
 }
 
-followTheme(() => view?.showMeasured());
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => view?.showMeasured());
 showSections();
 decisions.listeners.push(showDecisions);
 showDecisions();
