@@ -117,7 +117,7 @@ class CloudScene extends Scene {
     for (const name of look.clouds) {
       const { points, buffer, array } = this.clouds.get(name), pose = look.poses[points.key];
       const [step, larger, texel] = name === "last" ? [1, 1.4, LAST_TEXEL] : [look.step, 1, -1];
-      gl.uniform1f(uniforms.edge, this.edge(camera, look.voxel, larger) * ratio * step ** GROWTH);
+      gl.uniform1f(uniforms.edge, this.edge(camera, larger * look.voxel) * ratio * step ** GROWTH);
       gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => larger * size * ratio));
       gl.uniform4fv(uniforms.turn, pose.turn);
       gl.uniform3fv(uniforms.offset, minus(pose.place, camera.target));

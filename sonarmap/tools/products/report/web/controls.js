@@ -1,19 +1,9 @@
 // The form beside the map, and what it says of what was picked.
 
-const LAYERS = {
-  points: "points", track: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
-  kept: "kept", refused: "refused", decided: "ties by hand", control: "control points", wrong: "positions left out",
-};
-
 /** Fill the form for the part that is shown; `change` shows another part, by its number. */
 function showControls(form, view, content, number, change) {
   const select = (label, options, chosen, onchange) =>
     make("label", {}, label, choice(options, { onchange: (event) => onchange(event.target.value) }, chosen));
-  const times = (factors) => factors.map((factor) => [factor, factor === 1 ? "as they are" : `${factor} times`]);
-  const enlarge = (name) => (value) => {
-    view[name] = Number(value);
-    view.showLayers();
-  };
   const parts = content.parts.map((part, k) => [k, `${part.name}: ${part.count.toLocaleString("en")} points`]);
   const height = view.part.height.zero === null ? "height" : "depth";
   const colorings = Object.keys(view.colorings).map((name) => [name, name === "depth" ? height : name]);
@@ -26,15 +16,6 @@ function showControls(form, view, content, number, change) {
     }),
     legend,
     make("fieldset", {}, make("legend", {}, "Show"), ...layerBoxes(view),
-      select("Ellipsoids (95 %)", times([1, 10, 100]), view.factor, enlarge("factor")),
-      view.control.length
-        ? select("Residuals", [[0, "not drawn"], ...times([1, 10, 100, 1000])], view.exaggeration, enlarge("exaggeration")) : "",
-      make("label", {}, "Size of points ", make("input", {
-        type: "range", min: -2, max: 2, step: 0.25, value: Math.log2(view.scale), oninput: (event) => {
-          view.scale = 2 ** event.target.value;
-          view.request();
-        },
-      })),
       ...[["lowest", 0, "Hide below: "], ["highest", 1, "Hide above: "]].map(([id, end, text]) => heightSlider(view, id, end, text))),
     make("div", { class: "buttons" },
       button("Measure a distance", () => view.measure(!view.measuring), { id: "measure", "aria-pressed": view.measuring }),
@@ -45,19 +26,26 @@ function showControls(form, view, content, number, change) {
 
 /** A box for every layer that this part has. */
 function layerBoxes(view) {
-  const { part } = view;
-  const counts = { kept: 0, refused: 0 };
-  for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
-  const there = { before: part.track.before, kept: counts.kept, refused: counts.refused, wrong: view.wrong.length };
+  const kept = view.pairs.filter((pair) => pair.kept).length, refused = view.pairs.length - kept;
+  const enlarged = (factor) => (factor > 1 ? `, ${factor} times as large` : "");
+  const layers = {
+    points: "points",
+    track: "track of the sensor",
+    before: view.part.track.before && "track before the loops",
+    ellipsoids: `ellipsoids (95 %)${enlarged(view.factor)}`,
+    kept: kept && `${counted(kept, "loop")} kept`,
+    refused: refused && `${counted(refused, "pair")} refused`,
+    decided: "ties by hand",
+    control: view.control.length && `control points, residuals${enlarged(view.exaggeration)}`,
+    wrong: view.wrong.length && "positions left out",
+  };
   const change = (name, on) => {
     view.shown[name] = on;
     view.showLayers();
   };
-  const worded = { kept: `${counted(counts.kept, "loop")} kept`, refused: `${counted(counts.refused, "pair")} refused` };
-  return Object.entries(LAYERS).filter(([name]) => there[name] === undefined || there[name]).map(([name, text]) =>
+  return Object.entries(layers).filter(([, text]) => text).map(([name, text]) =>
     make("label", { class: `layer ${name}` },
-      make("input", { type: "checkbox", checked: view.shown[name], onchange: (event) => change(name, event.target.checked) }),
-      worded[name] ?? text));
+      make("input", { type: "checkbox", checked: view.shown[name], onchange: (event) => change(name, event.target.checked) }), text));
 }
 
 /** A slider that cuts points off at a height: at its outer end, nothing. */

@@ -164,8 +164,8 @@ class Scene {
   }
 
   /**
-   * Draw a frame: {ground: [r, g, b] 0 to 1, clouds: names of those to draw, voxel: its edge [m], scale: of the points, step: 1
-   * for all of them, 3 for every third, heights: the lowest and the highest that are shown [m]}.
+   * Draw a frame: {ground: [r, g, b] 0 to 1, clouds: names of those to draw, voxel: its edge [m], step: 1 for all points, 3 for
+   * every third, heights: the lowest and the highest that are shown [m]}.
    */
   draw(camera, look) {
     const { gl } = this;
@@ -183,8 +183,8 @@ class Scene {
   }
 
   /** Edge of a point's square at a distance of 1 m [pixels]. */
-  edge(camera, voxel, scale) {
-    return (scale * voxel * camera.height) / (2 * Math.tan(FIELD / 2));
+  edge(camera, voxel) {
+    return (voxel * camera.height) / (2 * Math.tan(FIELD / 2));
   }
 
   drawPoints({ points, buffer, array }, camera, matrix, look, ratio) {
@@ -194,7 +194,7 @@ class Scene {
     gl.useProgram(program);
     gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
     gl.uniform1f(uniforms.quantum, points.quantum);
-    gl.uniform1f(uniforms.edge, this.edge(camera, look.voxel, look.scale) * ratio * Math.sqrt(step));
+    gl.uniform1f(uniforms.edge, this.edge(camera, look.voxel) * ratio * Math.sqrt(step));
     gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => size * ratio));
     gl.uniform2fv(uniforms.heights, look.heights.map((height) => Math.max(-FAR, Math.min(FAR, height - camera.target[2]))));
     gl.bindTexture(gl.TEXTURE_2D, this.palette);

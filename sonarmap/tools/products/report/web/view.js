@@ -14,7 +14,6 @@ class View {
     Object.assign(this, { stage, content, decisions, tell });
     this.canvas = stage.querySelector("canvas");
     this.scene = new Scene(this.canvas);
-    this.scale = 1; // of the points
     this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
     this.frames = 0;
     this.movedAt = -Infinity;
@@ -73,7 +72,7 @@ class View {
     for (const name of ["accepted", "rejected"])
       lines(name, shown.decided, () => this.ties.filter((tie) => (tie.verdict === "reject") === (name === "rejected")).map((tie) => tie.ends));
     lines("control", shown.control, () => crosses(control.map(({ known }) => known), ARM * this.camera.reach));
-    lines("residuals", shown.control && this.exaggeration, () => residualPieces(control, this.exaggeration));
+    lines("residuals", shown.control, () => residualPieces(control, this.exaggeration));
     lines("wrong", shown.wrong, () => [...this.wrong, ...crosses(this.wrong.map(([, place]) => place), ARM * this.camera.reach)]);
     this.showMeasured();
     this.request();
@@ -129,7 +128,7 @@ class View {
       const line = lineAt(seen.map((pair) => pair.ends), camera, x, y, near / 2);
       if (line !== null) return { pair: seen[line] };
     }
-    const { voxel } = part, edge = this.scene.edge(camera, voxel, this.scale);
+    const { voxel } = part, edge = this.scene.edge(camera, voxel);
     const point = shown.points ? pointAt(this.points, camera, x, y, edge, voxel, this.heights) : null;
     return point === null ? null : { point, place: placeOf(this.points, point) };
   }
@@ -173,9 +172,9 @@ class View {
     const now = performance.now();
     const moving = this.moved || now - this.movedAt < STILL; // a slow machine draws long after it was asked
     this.moved = false;
-    const clouds = this.shown.points ? ["points"] : [], { scale, scene, heights } = this;
+    const clouds = this.shown.points ? ["points"] : [], { scene, heights } = this;
     const step = moving && this.points.count > MANY ? this.stepFor(now) : 1;
-    scene.draw(this.camera, { ground: this.ground(), clouds, voxel: this.part.voxel, scale, step, heights });
+    scene.draw(this.camera, { ground: this.ground(), clouds, voxel: this.part.voxel, step, heights });
     this.frames++;
     [this.drawnAt, this.wasMoving] = [now, moving];
     placeLabels(this);
