@@ -1,7 +1,7 @@
 // By what points can be colored: which color each gets, and what the legend says.
 
 /** The colorings of a part of the map: {name: {label, palette, color: point's number to a texel, marks: [[texel, text], ...]}}. */
-function coloringsOf(part, points, content) {
+function coloringsOf(part, points) {
   const { columns } = points;
   const all = { depth: byHeight(part, points) };
   if (columns.echo) all.echo = byCode("echo strength (as the sonar gives it)", "cividis", columns.echo, part.scales.echo, "");
@@ -13,16 +13,6 @@ function coloringsOf(part, points, content) {
     color: (k) => Math.min(254, Math.round((254 * (columns.seen[k] - 1)) / Math.max(1, most - 1))),
     marks: [[0, "1 scan"], [254, most > 1 ? `${most} scans${most === 255 ? " or more" : ""}` : ""]],
   };
-  all.scan = byScan(part, columns.scan, content);
-  const surveys = [...new Set(part.track.scans.map((scan) => content.surveys[scan]))];
-  if (surveys.length > 1)
-    all.survey = {
-      label: "survey with the most points there",
-      palette: categories(),
-      color: (k) => columns.survey[k] % 255,
-      marks: surveys.map((survey) => [survey % 255, `survey ${survey}`]),
-      apart: true,
-    };
   return all;
 }
 
@@ -43,13 +33,6 @@ function byCode(label, palette, codes, scale, unit) {
   const texel = (code) => (code ? clamped((254 * (code - low)) / (high - low || 1)) : 255);
   const mark = (share) => [254 * share, short(valueOf(low + share * (high - low), scale), unit)];
   return { label, palette: ramp(palette), color: (k) => texel(codes[k]), marks: [0, 0.5, 1].map(mark) };
-}
-
-function byScan(part, scans, content) {
-  const { scans: own } = part.track;
-  const rank = new Map(own.map((scan, k) => [scan, clamped((254 * k) / Math.max(1, own.length - 1))]));
-  const marks = [[0, content.names[own[0]]], [254, content.names[own[own.length - 1]]]];
-  return { label: "scan with the most points there, in their order", palette: ramp("viridis"), color: (k) => rank.get(scans[k]), marks };
 }
 
 /** The number that a code stands for: 1 for the smaller of the extremes, 255 for the larger, in equal ratios. */

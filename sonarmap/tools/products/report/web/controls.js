@@ -65,14 +65,13 @@ function heightSlider(view, id, end, text) {
   return make("label", {}, text, said, slider);
 }
 
-/** What the colors mean: a scale, or a list where they have no order. */
+/** What the colors mean. */
 function showLegend(box, view) {
-  const { label, palette, marks, apart } = view.colorings[view.coloring];
-  const css = (texel) => `rgb(${palette[Math.round(texel)].join(" ")})`;
-  const filled = (tag, kind, background) => Object.assign(make(tag, { class: kind }), { style: `background: ${background}` });
-  const scale = filled("div", "scale", `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`);
-  const texts = marks.map(([texel, text]) => make("span", {}, apart ? filled("span", "patch", css(texel)) : "", text));
-  box.replaceChildren(make("p", {}, label), apart ? "" : scale, make("div", { class: apart ? "list" : "marks" }, ...texts));
+  const { label, palette, marks } = view.colorings[view.coloring];
+  const css = (texel) => `rgb(${palette[texel].join(" ")})`;
+  const scale = make("div", { class: "scale" });
+  scale.style.background = `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`;
+  box.replaceChildren(make("p", {}, label), scale, make("div", { class: "marks" }, ...marks.map(([, text]) => make("span", {}, text))));
 }
 
 // What the page says of what was picked in the map, and what can be done with it.
@@ -126,7 +125,7 @@ function placeRows(view, place, step) {
 function pointList(view, content, { point, place }) {
   const { columns } = view.points, { scales } = view.part;
   const value = (name, unit) => (columns[name]?.[point] ? short(valueOf(columns[name][point], scales[name]), unit) : "");
-  const several = "survey" in view.colorings;
+  const several = new Set(content.surveys).size > 1;
   const { track } = view.part, scan = columns.scan[point];
   const inScan = toSensor(track, track.scans.indexOf(scan), place).map((x) => meters(x, view.points.quantum)).join(", ");
   return list("Point", [

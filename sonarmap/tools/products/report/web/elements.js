@@ -1,4 +1,4 @@
-// Colors that people with any kind of color vision can tell apart: matplotlib's maps, and those of Okabe and Ito.
+// Colors that people with any kind of color vision can tell apart: matplotlib's maps.
 
 const RAMPS = {
   viridis:
@@ -10,7 +10,6 @@ const RAMPS = {
   plasma:
     "0d0887 310597 4c02a1 6600a7 7e03a8 9511a1 aa2395 bc3587 cc4778 da5a6a e66c5c f0804e f89540 fdac33 fdc527 f8df25 f0f921",
 };
-const CATEGORIES = "0072b2 e69f00 009e73 cc79a7 56b4e9 d55e00 f0e442 999999";
 const UNKNOWN = [128, 128, 128];
 const TEXELS = 256; // of a palette; the last is for what is not known
 
@@ -26,12 +25,6 @@ function ramp(name) {
     colors.push(stops[before].map((value, c) => Math.round(value + (at - before) * (stops[before + 1][c] - value))));
   }
   return [...colors, UNKNOWN];
-}
-
-/** A palette of unlike colors, which repeat. */
-function categories() {
-  const colors = colorsOf(CATEGORIES);
-  return [...Array.from({ length: TEXELS - 1 }, (_, k) => colors[k % colors.length]), UNKNOWN];
 }
 
 // Elements of the page and numbers in words. Every text, whatever file it comes from, becomes a text node: never markup.

@@ -40,7 +40,7 @@ class View {
     this.wrong = wrongPieces(part.track, this.content.wrong_fixes);
     this.factor = fittingFactor(part.track, this.camera.reach);
     this.exaggeration = fittingExaggeration(this.control, this.camera.reach);
-    this.colorings = coloringsOf(part, points, this.content);
+    this.colorings = coloringsOf(part, points);
     this.scene.showPoints("points", points);
     this.colorBy(this.coloring in this.colorings ? this.coloring : "depth");
     this.measured = [];
