@@ -79,7 +79,7 @@ function showMap() {
   const { number } = view.part, keys = dive.cloudsIn(number), loops = dive.between(number, dive.loops).length;
   const points = keys.reduce((all, { count }) => all + count, 0), of = dive.state.parts > 1 ? ` of part ${number}` : "";
   say("#said", `Shown: ${counted(points, "point")} of ${counted(keys.length, "key scan")}${of}, colored by height; the last scan in pink, the track in orange${loops ? `, ${counted(loops, "loop")} in blue` : ""}, and the vehicle as an arrow, in an ellipsoid that contains it with a probability of 95 %.`);
-  if (keys.length) showLegend($("#legend"), view);
+  if (keys.length) showLegend($("#legend"), view.coloring);
   $("#follow").setAttribute("aria-pressed", view.follow);
   showPlan();
 }

@@ -38,7 +38,7 @@ _HEADERS = {
 }
 _quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # requests of strangers are not logged
 OWN = "sonarmap.tools.products.live"
-_OF_REPORT = ("camera", "scene", "elements", "layers", "labels", "gestures", "controls")
+_OF_REPORT = ("camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "map_view")
 _OWN = ("view", "live")
 
 

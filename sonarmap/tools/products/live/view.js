@@ -69,70 +69,6 @@ class Dive {
   }
 }
 
-// Every key scan's cloud in its own frame: when a loop closes, its pose changes, a uniform, and no point.
-
-const CLOUD_VERTEX = `#version 300 es
-in vec3 place;              // [quanta], in the sensor's frame of the key scan
-uniform mat4 clip_from_target;
-uniform vec4 turn;          // of the key scan, a quaternion x, y, z, w
-uniform vec3 offset;        // of the key scan, less the target [m]
-uniform float quantum;      // [m]
-uniform float edge;         // of a point at a distance of 1 m [pixels of the card]
-uniform vec2 sizes;         // smallest and largest edge [pixels of the card]
-uniform vec2 heights;       // at the ends of the palette, less the target's [m]
-uniform float texel;        // of all points; below zero for each its height's
-uniform sampler2D palette;
-out vec3 color;
-void main() {
-  vec3 own = quantum * place;
-  vec3 at = own + 2.0 * cross(turn.xyz, cross(turn.xyz, own) + turn.w * own) + offset;
-  gl_Position = clip_from_target * vec4(at, 1.0);
-  gl_PointSize = clamp(edge / gl_Position.w, sizes.x, sizes.y);
-  float share = clamp((at.z - heights.x) / max(heights.y - heights.x, 1e-6), 0.0, 1.0);
-  color = texelFetch(palette, ivec2(int(texel < 0.0 ? 254.0 * share + 0.5 : texel), 0), 0).rgb;
-}`;
-const LAST_TEXEL = 256, LAST_COLOR = [255, 64, 176]; // behind the palette, of the last scan
-const GROWTH = 0.3; // of points of which fewer are drawn: by 0.5 they would cover as much
-const POINT_BYTES = 6; // x, y and z, two each
-
-class CloudScene extends Scene {
-  constructor(canvas) {
-    super(canvas);
-    this.cloudProgram = this.program(CLOUD_VERTEX, POINT_FRAGMENT);
-    this.at = this.gl.getAttribLocation(this.cloudProgram.program, "place");
-  }
-
-  forget() {
-    for (const { buffer } of this.clouds.values()) this.gl.deleteBuffer(buffer);
-    this.clouds.clear();
-  }
-
-  /** `look` as the report's, with {poses, range: heights at the ends of the palette [m]}; the cloud "last" is drawn larger. */
-  drawClouds(camera, matrix, look, ratio) {
-    const { gl, at } = this, { uniforms, program } = this.cloudProgram;
-    gl.useProgram(program);
-    gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
-    gl.uniform2f(uniforms.heights, ...look.range.map((height) => height - camera.target[2]));
-    gl.bindTexture(gl.TEXTURE_2D, this.palette);
-    for (const name of look.clouds) {
-      const { points, buffer, array } = this.clouds.get(name), pose = look.poses[points.key];
-      const [step, larger, texel] = name === "last" ? [1, 1.4, LAST_TEXEL] : [look.step, 1, -1];
-      gl.uniform1f(uniforms.edge, this.edge(camera, larger * look.voxel) * ratio * step ** GROWTH);
-      gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => larger * size * ratio));
-      gl.uniform4fv(uniforms.turn, pose.turn);
-      gl.uniform3fv(uniforms.offset, minus(pose.place, camera.target));
-      gl.uniform1f(uniforms.quantum, points.quantum);
-      gl.uniform1f(uniforms.texel, texel);
-      gl.bindVertexArray(array);
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.enableVertexAttribArray(at);
-      gl.vertexAttribPointer(at, 3, gl.SHORT, false, POINT_BYTES * step, 0);
-      gl.drawArrays(gl.POINTS, 0, Math.ceil(points.count / step));
-    }
-    gl.bindVertexArray(null);
-  }
-}
-
 // The dive in 3D: the map of a part, the vehicle in it, and the camera that follows it until the user moves it.
 
 const STATUS_COLORS = { placed: [0, 0.62, 0.45], uncertain: [0.9, 0.62, 0], lost: [0.9, 0.1, 0.1] };
@@ -140,30 +76,22 @@ const UNKNOWN_COLOR = [0.55, 0.55, 0.55]; // of a vehicle that waits, or whose d
 const ARROW = 30; // half its length [pixels]
 const REFRESH = 300; // between two looks at all points and lines [ms]
 const ASIDE = 0.5; // of the vehicle's heading, so that the arrow hides less [rad]
-const [SLOW, QUICK] = [80, 20]; // frames [ms] after which fewer points are drawn, and more
-const FEWEST = 32; // every how many points a slow machine draws at most: WebGL allows no wider steps
-const STILL = 1000, STEADY = 30; // without news for so long all points are drawn [ms]; quick frames before more are [frames]
+const LAST_TEXEL = 256, LAST_COLOR = [255, 64, 176]; // behind the palette, of the last scan
 
-class LiveView {
+class LiveView extends MapView {
   constructor(stage, dive) {
-    Object.assign(this, { stage, dive, follow: true, chosen: null, frames: 0, step: 1, quick: 0, span: 5 });
-    this.canvas = stage.querySelector("canvas");
-    this.scene = new CloudScene(this.canvas);
+    super(stage);
+    Object.assign(this, { dive, follow: true, chosen: null, span: 5 });
     this.part = { number: 0, axes: ["x", "y", "z"] };
     this.range = [0, 1]; // heights at the ends of the palette [m]
-    this.camera = new Camera([[-5, -5, -5], [5, 5, 5]], [[-5, -5, -5], [5, 5, 5]]);
-    this.colorings = { height: { palette: ramp("viridis"), label: "height in the frame of this map" } };
-    this.coloring = "height";
-    this.scene.usePalette([...this.colorings.height.palette, LAST_COLOR]);
-    new ResizeObserver(() => this.resize()).observe(stage);
-    followPointer(this);
+    this.scene.usePalette([...ramp("viridis"), LAST_COLOR]);
     followKeys(this, { Home: () => this.showAll() });
     this.refresh();
   }
 
   /** Show what a message changed; all that there is after `reset`. */
   show({ kind, cloud }) {
-    if (kind === "reset") this.scene.forget();
+    if (kind === "reset") this.scene.forgetPoints();
     if (cloud) this.scene.showPoints(kind === "last" ? "last" : `${cloud.key}`, cloud);
     if (kind === "last") this.measureLast(cloud);
     if (!["last", "coverage"].includes(kind)) this.refreshing ??= setTimeout(() => this.refresh(), this.frames ? REFRESH : 0);
@@ -203,8 +131,7 @@ class LiveView {
       this.camera.cover(corners(0, 1), corners(0.01, 0.99));
       this.range = corners(0.01, 0.99).map((corner) => corner[2]);
     }
-    const [low, high] = this.range;
-    this.colorings.height.marks = [0, 0.5, 1].map((share) => [254 * share, meters(low + share * (high - low), 0.1)]);
+    this.coloring = byHeight("height in the frame of this map", ...this.range, (z) => meters(z, 0.1));
     this.scene.showLines("track", dive.trackPieces(number), LINES.track);
     this.scene.showLines("kept", dive.between(number, dive.loops), LINES.kept);
     this.changed?.();
@@ -238,22 +165,20 @@ class LiveView {
   /** Ask for a frame; `moved` if the user moved the camera. */
   request(moved = false) {
     if (moved && this.follow) this.setFollow(false);
-    this.waiting ??= requestAnimationFrame((now) => this.draw(now));
+    super.request();
   }
 
-  draw(now) {
-    this.waiting = null;
-    clearTimeout(this.resting);
-    const { camera, dive, scene } = this, step = this.still ? 1 : this.step;
-    this.still = false;
-    if (step > 1) this.resting = setTimeout(() => ((this.still = true), this.request()), STILL);
+  /** Every key scan in its own frame: when a loop closes, its pose changes, and no point. */
+  look() {
     if (this.follow) this.followVehicle();
-    const clouds = [...scene.clouds].filter(([, { points }]) => dive.isIn(this.part.number, points.key)).map(([name]) => name);
-    const labels = this.showVehicle();
-    scene.draw(camera, { ground: this.ground(), clouds, voxel: 0.003 * this.span, step, poses: dive.poses, range: this.range });
-    putLabels(this, labels);
-    this.frames++;
-    if (step === this.step) requestAnimationFrame((next) => this.fit(next - now)); // which comes when this one is drawn
+    const { dive, part: { number }, range } = this, { last } = dive;
+    const cloudOf = (name, { key, count }, more) => {
+      const { place: origin, turn } = dive.poses[key];
+      return { name, tiles: [{ start: 0, count, origin, turn }], ...more };
+    };
+    const clouds = dive.cloudsIn(number).map((cloud) => cloudOf(`${cloud.key}`, cloud));
+    if (last && dive.isIn(number, last.key)) clouds.push(cloudOf("last", last, { texel: LAST_TEXEL, larger: 1.4, step: 1 }));
+    return { clouds, voxel: 0.003 * this.span, range, labels: this.showVehicle() };
   }
 
   /** Look at the vehicle and what it sees now, or at where it was last sure. */
@@ -267,24 +192,5 @@ class LiveView {
       const [x, y] = turned(vehicle.turn, [1, 0, 0]);
       [camera.azimuth, this.aimed] = [Math.atan2(x, y) + ASIDE, true];
     }
-  }
-
-  /** Draw fewer points where a frame takes long, and more again where many were quick. */
-  fit(took) {
-    this.quick = took < QUICK ? this.quick + 1 : 0;
-    if (took > SLOW) this.step = Math.min(FEWEST, 2 * this.step);
-    else if (this.quick > STEADY) [this.step, this.quick] = [Math.max(1, this.step / 2), 0];
-  }
-
-  ground() {
-    return getComputedStyle(this.stage).backgroundColor.match(/[\d.]+/g).slice(0, 3).map((value) => value / 255);
-  }
-
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.stage, ratio = Math.min(2, window.devicePixelRatio || 1);
-    if (!width || !height) return;
-    [this.canvas.width, this.canvas.height] = [width * ratio, height * ratio].map(Math.round);
-    [this.camera.width, this.camera.height] = [width, height];
-    this.request();
   }
 }

@@ -1,5 +1,6 @@
 """The page itself: HTML, CSS and plain JavaScript, joined by `page.py` in the order of its `SCRIPTS`, in one scope.
 
-The map in 3D is `view.js` on `scene.js` (WebGL) and `packed.js` (the layout of the points' bytes); `ties.js` holds the
-user's decisions, `sections.js` the sections below the map. `elements.js` makes every element; texts are never markup.
+`map_view.js` draws the map in 3D by `scene.js` (WebGL), for the report's `view.js` and for the live page. `packed.js`
+has the layout of the points' bytes; `ties.js` holds the user's decisions, `sections.js` the sections below the map.
+`elements.js` makes every element; texts are never markup.
 """

@@ -2,6 +2,7 @@
 
 const FIELD = Math.PI / 4; // of view, from bottom to top [rad]
 const STEEPEST = Math.PI / 2;
+const NOTHING = [[-5, -5, -5], [5, 5, 5]]; // corners of what is seen while there is nothing [m]
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const sum = (a, b, factor = 1) => a.map((value, axis) => value + factor * b[axis]);
@@ -9,20 +10,20 @@ const minus = (a, b) => sum(a, b, -1);
 const lengthOf = (a) => Math.hypot(...a);
 
 class Camera {
-  /** Look from the south and above; between the corners `middle` [m] is most of the map, so that strays do not make it small. */
-  constructor(extent, middle) {
-    this.cover(extent, middle);
+  constructor() {
     this.width = this.height = 1; // of the picture [pixels of the page]
+    this.cover(NOTHING, NOTHING);
     this.reset();
   }
 
-  /** What there is to see, without a movement of the camera. */
+  /** What there is to see, without a movement of the camera; between the corners `middle` [m] is most of it: strays aside. */
   cover(extent, middle) {
     this.center = sum(...middle).map((value) => value / 2);
     this.reach = Math.max(lengthOf(minus(...middle)) / 2, 0.1); // of most of the map about its center [m]
     this.extent = Math.max(this.reach, ...extent.map((corner) => lengthOf(minus(corner, this.center)))) + lengthOf(minus(...extent));
   }
 
+  /** Look from the south and above. */
   reset() {
     this.target = [...this.center];
     this.distance = 1.8 * this.reach * Math.max(1, this.height / this.width);

@@ -1,38 +1,57 @@
 // By what points can be colored: which color each gets, and what the legend says.
 
-/** The colorings of a part of the map: {name: {label, palette, color: point's number to a texel, marks: [[texel, text], ...]}}. */
-function coloringsOf(part, points) {
-  const { columns } = points;
-  const all = { depth: byHeight(part, points) };
-  if (columns.echo) all.echo = byCode("echo strength (as the sonar gives it)", "cividis", columns.echo, part.scales.echo, "");
-  all.sigma = byCode("standard deviation of a point's coordinates", "magma", columns.sigma, part.scales.sigma, "m");
+// matplotlib's maps, whose colors people with any kind of color vision can tell apart.
+const RAMPS = {
+  viridis:
+    "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 fde725",
+  plasma:
+    "0d0887 310597 4c02a1 6600a7 7e03a8 9511a1 aa2395 bc3587 cc4778 da5a6a e66c5c f0804e f89540 fdac33 fdc527 f8df25 f0f921",
+};
+const UNKNOWN = [128, 128, 128];
+const TEXELS = 256; // of a palette; the last is for what is not known
+
+/** A palette that changes evenly, by its name. */
+function ramp(name) {
+  const stops = RAMPS[name].split(" ").map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
+  const colors = [];
+  for (let k = 0; k < TEXELS - 1; k++) {
+    const at = (k / (TEXELS - 2)) * (stops.length - 1);
+    const before = Math.min(Math.floor(at), stops.length - 2);
+    colors.push(stops[before].map((value, c) => Math.round(value + (at - before) * (stops[before + 1][c] - value))));
+  }
+  return [...colors, UNKNOWN];
+}
+
+/**
+ * The colorings of a part of the map: {name: {label, palette, texel: point's number to its color, or null for its height's,
+ * marks: texts from the first color to the last}}.
+ */
+function coloringsOf(part, { columns }) {
+  const { label, zero, range: [low, high] } = part.height;
+  const all = { depth: byHeight(label, low, high, (z) => meters(zero === null ? z : zero - z, (high - low) / 100)) };
+  if (columns.echo) all.echo = byCode("echo strength (as the sonar gives it)", columns.echo, part.scales.echo, "");
+  all.sigma = byCode("standard deviation of a point's coordinates", columns.sigma, part.scales.sigma, "m");
   const most = quantile(columns.seen, 0.99);
   all.seen = {
     label: "number of scans that saw a point",
     palette: ramp("plasma"),
-    color: (k) => Math.min(254, Math.round((254 * (columns.seen[k] - 1)) / Math.max(1, most - 1))),
-    marks: [[0, "1 scan"], [254, most > 1 ? `${most} scans${most === 255 ? " or more" : ""}` : ""]],
+    texel: (k) => clamped((254 * (columns.seen[k] - 1)) / Math.max(1, most - 1)),
+    marks: ["1 scan", most > 1 ? `${most} scans${most === 255 ? " or more" : ""}` : ""],
   };
   return all;
 }
 
-function byHeight(part, points) {
-  const { range: [low, high], zero } = part.height;
-  const shown = (z) => meters(zero === null ? z : zero - z, (high - low) / 100);
-  const heights = new Float32Array(points.count);
-  for (const { start, count, origin } of points.tiles)
-    for (let k = start; k < start + count; k++) heights[k] = origin[2] + points.quantum * points.places[4 * k + 2];
-  const color = (k) => clamped((254 * (heights[k] - low)) / (high - low || 1));
-  const marks = [[0, shown(low)], [127, shown((low + high) / 2)], [254, shown(high)]];
-  return { label: part.height.label, palette: ramp("viridis"), color, marks };
+/** By height between two heights [m], which the legend words. */
+function byHeight(label, low, high, worded) {
+  return { label, palette: ramp("viridis"), texel: null, marks: [low, (low + high) / 2, high].map(worded) };
 }
 
 /** By a column of codes as points.py makes them, whose extremes these are. */
-function byCode(label, palette, codes, scale, unit) {
+function byCode(label, codes, scale, unit) {
   const [low, high] = [quantile(codes, 0.01), quantile(codes, 0.99)];
-  const texel = (code) => (code ? clamped((254 * (code - low)) / (high - low || 1)) : 255);
-  const mark = (share) => [254 * share, short(valueOf(low + share * (high - low), scale), unit)];
-  return { label, palette: ramp(palette), color: (k) => texel(codes[k]), marks: [0, 0.5, 1].map(mark) };
+  const texel = (k) => (codes[k] ? clamped((254 * (codes[k] - low)) / (high - low || 1)) : TEXELS - 1);
+  const mark = (share) => short(valueOf(low + share * (high - low), scale), unit);
+  return { label, palette: ramp("plasma"), texel, marks: [0, 0.5, 1].map(mark) };
 }
 
 /** The number that a code stands for: 1 for the smaller of the extremes, 255 for the larger, in equal ratios. */
@@ -50,4 +69,12 @@ function quantile(codes, share) {
   let left = share * counts.reduce((sum, count) => sum + count, 0);
   const at = counts.findIndex((count) => count && (left -= count) <= 0);
   return at < 0 ? 1 : at;
+}
+
+/** What the colors mean. */
+function showLegend(box, { label, palette, marks }) {
+  const css = (texel) => `rgb(${palette[texel].join(" ")})`;
+  const scale = make("div", { class: "scale" });
+  scale.style.background = `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`;
+  box.replaceChildren(make("p", {}, label), scale, make("div", { class: "marks" }, ...marks.map((text) => make("span", {}, text))));
 }

@@ -12,7 +12,7 @@ function showControls(form, view, content, number, change) {
     parts.length > 1 ? select("Part of the map ", parts, number, (value) => change(Number(value))) : "",
     select("Color by ", colorings, view.coloring, (name) => {
       view.colorBy(name);
-      showLegend(legend, view);
+      showLegend(legend, view.colorings[name]);
     }),
     legend,
     make("fieldset", {}, make("legend", {}, "Show"), ...layerBoxes(view),
@@ -21,7 +21,7 @@ function showControls(form, view, content, number, change) {
       button("Measure a distance", () => view.measure(!view.measuring), { id: "measure", "aria-pressed": view.measuring }),
       button("From above", () => (view.camera.fromAbove(), view.request())),
       button("Show all", () => (view.camera.reset(), view.request()))));
-  showLegend(legend, view);
+  showLegend(legend, view.colorings[view.coloring]);
 }
 
 /** A box for every layer that this part has. */
@@ -59,19 +59,10 @@ function heightSlider(view, id, end, text) {
       const z = low + share * (high - low);
       view.heights[end] = share === end ? (end ? Infinity : -Infinity) : z;
       said.textContent = share === end ? "off" : meters(height.zero === null ? z : height.zero - z, (high - low) / 100);
-      view.request(true);
+      view.request();
     },
   });
   return make("label", {}, text, said, slider);
-}
-
-/** What the colors mean. */
-function showLegend(box, view) {
-  const { label, palette, marks } = view.colorings[view.coloring];
-  const css = (texel) => `rgb(${palette[texel].join(" ")})`;
-  const scale = make("div", { class: "scale" });
-  scale.style.background = `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`;
-  box.replaceChildren(make("p", {}, label), scale, make("div", { class: "marks" }, ...marks.map(([, text]) => make("span", {}, text))));
 }
 
 // What the page says of what was picked in the map, and what can be done with it.

@@ -15,7 +15,7 @@ function followPointer(view) {
   });
   canvas.addEventListener("pointermove", (event) => {
     const from = pointers.get(event.pointerId);
-    if (!from || !view.camera) return;
+    if (!from) return;
     const to = [event.offsetX, event.offsetY];
     const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     travelled += Math.hypot(dx, dy);
@@ -30,13 +30,12 @@ function followPointer(view) {
     view.request(true);
   });
   const lift = (event) => {
-    if (pointers.delete(event.pointerId) && event.type === "pointerup" && travelled < TAP && event.button === 0 && view.camera)
+    if (pointers.delete(event.pointerId) && event.type === "pointerup" && travelled < TAP && event.button === 0)
       view.click(event.offsetX, event.offsetY, event.pointerType === "touch" ? FINGER : NEAR);
   };
   canvas.addEventListener("pointerup", lift);
   canvas.addEventListener("pointercancel", lift);
   canvas.addEventListener("wheel", (event) => {
-    if (!view.camera) return;
     event.preventDefault();
     view.camera.zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)), event.offsetX, event.offsetY);
     view.request(true);
@@ -52,7 +51,7 @@ function followKeys(view, more) {
   };
   view.canvas.addEventListener("keydown", (event) => {
     const { camera } = view;
-    if (!camera || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const arrow = arrows[event.key], act = keys[event.key] ?? keys[event.key.toLowerCase()];
     if (arrow && event.shiftKey) camera.pan(-40 * arrow[0], -40 * arrow[1]);
     else if (arrow) camera.turn(0.08 * arrow[0], 0.08 * arrow[1]);

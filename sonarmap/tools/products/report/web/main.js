@@ -54,7 +54,7 @@ showSections();
 decisions.listeners.push(showDecisions);
 showDecisions();
 try {
-  view = new View($("#stage"), content, decisions, (hit) => showPicked($("#picked"), view, content, hit));
+  view = new ReportView($("#stage"), content, decisions, (hit) => showPicked($("#picked"), view, content, hit));
 } catch (error) {
   showPictures(`${error.message}; this browser, or this machine's graphics driver, does not offer it`);
 }

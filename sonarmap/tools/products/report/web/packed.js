@@ -16,24 +16,24 @@ async function gunzip(bytes) {
 
 /**
  * The points of a map, of gzipped planes and {quantum [m], tiles: [{origin: [x, y, z] [m], count}], planes: {column: bytes a
- * number}}: {count, quantum, tiles with their `start`, places: Uint16Array of x, y, z [quanta from the tile's origin] and a
- * color for every point, columns: {name: whole numbers}}.
+ * number}}: {count, quantum, tiles with their `start` and `turn`, places: Uint16Array of x, y, z [quanta from the tile's origin] of
+ * every point, columns: {name: whole numbers}}.
  */
 async function unpack(packed, base64) {
   const planes = await gunzip(bytesOf(base64));
   const count = packed.tiles.reduce((sum, tile) => sum + tile.count, 0);
-  const places = new Uint16Array(4 * count);
+  const places = new Uint16Array(3 * count);
   const tiles = [];
   let start = 0;
   for (const tile of packed.tiles) {
-    tiles.push({ ...tile, start });
+    tiles.push({ ...tile, start, turn: [0, 0, 0, 1] });
     for (let axis = 0; axis < 3; axis++) {
       const low = 2 * axis * count, high = low + count;
       let at = 0;
       for (let k = start; k < start + tile.count; k++) {
         const step = planes[low + k] | (planes[high + k] << 8);
         at += (step >> 1) ^ -(step & 1); // forth even and back odd
-        places[4 * k + axis] = at; // modulo 65536, as it was packed
+        places[3 * k + axis] = at; // modulo 65536, as it was packed
       }
     }
     start += tile.count;
@@ -56,5 +56,5 @@ async function unpack(packed, base64) {
 /** Point k as [x, y, z] in the map's frame [m]. */
 function placeOf(points, k) {
   const { origin } = points.tiles.find(({ start, count }) => k < start + count);
-  return origin.map((corner, axis) => corner + points.quantum * points.places[4 * k + axis]);
+  return origin.map((corner, axis) => corner + points.quantum * points.places[3 * k + axis]);
 }

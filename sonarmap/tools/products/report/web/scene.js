@@ -1,22 +1,27 @@
 // What the graphics card runs.
 
-// A point: whole numbers of a quantum from its tile's corner, and a color of the palette.
+// A point of a tile, which has a place and a turn of its own, and a color of the palette.
 const POINT_VERTEX = `#version 300 es
-in vec4 place;
+layout(location = 0) in vec3 place;  // [quanta], in the frame of the tile
+layout(location = 1) in float texel; // of the palette; below zero for that of the height
 uniform mat4 clip_from_target;
+uniform vec4 turn;          // of the tile, a quaternion x, y, z, w
 uniform vec3 corner;        // of the tile, less the target [m]
 uniform float quantum;      // [m]
-uniform float edge;         // of a voxel at a distance of 1 m [pixels of the card]
+uniform float edge;         // of a point at a distance of 1 m [pixels of the card]
 uniform vec2 sizes;         // smallest and largest edge [pixels of the card]
 uniform vec2 heights;       // of the points that are shown, less the target's [m]
+uniform vec2 range;         // heights at the ends of the palette, less the target's [m]
 uniform sampler2D palette;
 out vec3 color;
 void main() {
-  float height = corner.z + quantum * place.z;
-  if (height < heights.x || height > heights.y) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
-  gl_Position = clip_from_target * vec4(corner + quantum * place.xyz, 1.0);
+  vec3 own = quantum * place;
+  vec3 at = own + 2.0 * cross(turn.xyz, cross(turn.xyz, own) + turn.w * own) + corner;
+  if (at.z < heights.x || at.z > heights.y) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
+  gl_Position = clip_from_target * vec4(at, 1.0);
   gl_PointSize = clamp(edge / gl_Position.w, sizes.x, sizes.y);
-  color = texelFetch(palette, ivec2(int(place.w), 0), 0).rgb;
+  float share = clamp((at.z - range.x) / max(range.y - range.x, 1e-6), 0.0, 1.0);
+  color = texelFetch(palette, ivec2(int(texel < 0.0 ? 254.0 * share + 0.5 : texel), 0), 0).rgb;
 }`;
 
 const POINT_FRAGMENT = `#version 300 es
@@ -65,7 +70,10 @@ void main() {
 
 // What is drawn, by WebGL2: points of tiles, and lines of several kinds.
 
-const BYTES = 8; // of a point: x, y, z and color, two each
+const BYTES = 6; // of a point: x, y and z, two each
+const [PLACE, TEXEL] = [0, 1]; // attributes of POINT_VERTEX
+const BY_HEIGHT = -1; // texel of a point that has the color of its height
+const GROWTH = 0.3; // of points of which fewer are drawn: by 0.5 they would cover as much
 const SQUARES = [1.5, 48]; // smallest and largest edge of a point [pixels]
 const FAR = 1e9; // beyond any height [m]: not every card knows infinity
 const HIDDEN = 0.22; // how opaque a line is behind points
@@ -76,7 +84,7 @@ class Scene {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("WebGL2 is not to be had");
     this.gl = gl;
-    this.clouds = new Map(); // {name: {points, buffer, array}}
+    this.clouds = new Map(); // {name: {points, buffer, colors: buffer or null, array}}
     this.lines = new Map(); // {name: {count, offset, array, buffer, indices, and its style}}
     this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
     this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);
@@ -105,21 +113,28 @@ class Scene {
     return { program, uniforms };
   }
 
-  /** Show these points, as `unpack` gives them, under a name, in place of those that it had; null for none. */
+  /** Show points {places: x, y, z of each [quanta], quantum [m]} under a name, in place of those that it had. */
   showPoints(name, points) {
     const { gl } = this;
-    if (!points) return this.clouds.delete(name);
     const { buffer, array } = this.clouds.get(name) ?? { buffer: gl.createBuffer(), array: gl.createVertexArray() };
-    this.clouds.set(name, { points, buffer, array });
-    this.upload(name);
-  }
-
-  /** Send places and colors to the card, after either changed. */
-  upload(name) {
-    const { gl } = this;
-    const { buffer, points } = this.clouds.get(name);
+    this.clouds.set(name, { points, buffer, array, colors: null });
     gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     gl.bufferData(gl.ARRAY_BUFFER, points.places, gl.STATIC_DRAW);
+  }
+
+  /** Color the points of a name by these texels (Uint8Array), or null: by their heights. */
+  colorPoints(name, texels) {
+    const { gl } = this, cloud = this.clouds.get(name);
+    if (cloud.colors) gl.deleteBuffer(cloud.colors);
+    cloud.colors = texels && gl.createBuffer();
+    if (!texels) return;
+    gl.bindBuffer(gl.ARRAY_BUFFER, cloud.colors);
+    gl.bufferData(gl.ARRAY_BUFFER, texels, gl.STATIC_DRAW);
+  }
+
+  forgetPoints() {
+    for (const { buffer } of this.clouds.values()) this.gl.deleteBuffer(buffer);
+    this.clouds.clear();
   }
 
   /** The palette: up to 257 colors, [red, green, blue] each, 0 to 255. */
@@ -164,8 +179,8 @@ class Scene {
   }
 
   /**
-   * Draw a frame: {ground: [r, g, b] 0 to 1, clouds: names of those to draw, voxel: its edge [m], step: 1 for all points, 3 for
-   * every third, heights: the lowest and the highest that are shown [m]}.
+   * Draw a frame: {ground: [r, g, b] 0 to 1, clouds: those to draw, voxel: its edge [m], step: 1 for all points, 3 for every
+   * third, heights: the lowest and the highest that are shown [m], range: heights at the ends of the palette [m]}.
    */
   draw(camera, look) {
     const { gl } = this;
@@ -179,7 +194,15 @@ class Scene {
   }
 
   drawClouds(camera, matrix, look, ratio) {
-    for (const name of look.clouds) if (this.clouds.get(name)?.points.count) this.drawPoints(this.clouds.get(name), camera, matrix, look, ratio);
+    const { gl } = this, { program, uniforms } = this.pointProgram;
+    const lessTarget = (heights) => heights.map((height) => Math.max(-FAR, Math.min(FAR, height - camera.target[2])));
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
+    gl.uniform2fv(uniforms.heights, lessTarget(look.heights));
+    gl.uniform2fv(uniforms.range, lessTarget(look.range));
+    gl.bindTexture(gl.TEXTURE_2D, this.palette);
+    for (const cloud of look.clouds) this.drawCloud(cloud, camera, look, ratio);
+    gl.bindVertexArray(null);
   }
 
   /** Edge of a point's square at a distance of 1 m [pixels]. */
@@ -187,27 +210,30 @@ class Scene {
     return (voxel * camera.height) / (2 * Math.tan(FIELD / 2));
   }
 
-  drawPoints({ points, buffer, array }, camera, matrix, look, ratio) {
-    const { gl } = this;
-    const { program, uniforms } = this.pointProgram;
-    const { step } = look;
-    gl.useProgram(program);
-    gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
-    gl.uniform1f(uniforms.quantum, points.quantum);
-    gl.uniform1f(uniforms.edge, this.edge(camera, look.voxel) * ratio * Math.sqrt(step));
-    gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => size * ratio));
-    gl.uniform2fv(uniforms.heights, look.heights.map((height) => Math.max(-FAR, Math.min(FAR, height - camera.target[2]))));
-    gl.bindTexture(gl.TEXTURE_2D, this.palette);
+  /** Draw the tiles [{start, count, origin [m], turn}] of a name; `texel` of points without own colors, `larger` by a factor. */
+  drawCloud({ name, tiles, texel = BY_HEIGHT, larger = 1, step }, camera, look, ratio) {
+    const { gl } = this, { uniforms } = this.pointProgram;
+    const { points: { places, quantum }, buffer, colors, array } = this.clouds.get(name);
+    const every = step ?? look.step, type = places instanceof Int16Array ? gl.SHORT : gl.UNSIGNED_SHORT;
+    gl.uniform1f(uniforms.quantum, quantum);
+    gl.uniform1f(uniforms.edge, this.edge(camera, larger * look.voxel) * ratio * every ** GROWTH);
+    gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => larger * size * ratio));
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    const at = gl.getAttribLocation(program, "place");
-    gl.enableVertexAttribArray(at);
-    for (const tile of points.tiles) {
-      gl.uniform3fv(uniforms.corner, minus(tile.origin, camera.target));
-      gl.vertexAttribPointer(at, 4, gl.UNSIGNED_SHORT, false, BYTES * step, BYTES * tile.start);
-      gl.drawArrays(gl.POINTS, 0, Math.ceil(tile.count / step));
+    gl.enableVertexAttribArray(PLACE);
+    if (colors) gl.enableVertexAttribArray(TEXEL);
+    else gl.disableVertexAttribArray(TEXEL);
+    gl.vertexAttrib1f(TEXEL, texel);
+    for (const { start, count, origin, turn } of tiles) {
+      gl.uniform4fv(uniforms.turn, turn);
+      gl.uniform3fv(uniforms.corner, minus(origin, camera.target));
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.vertexAttribPointer(PLACE, 3, type, false, BYTES * every, BYTES * start);
+      if (colors) {
+        gl.bindBuffer(gl.ARRAY_BUFFER, colors);
+        gl.vertexAttribPointer(TEXEL, 1, gl.UNSIGNED_BYTE, false, every, start);
+      }
+      gl.drawArrays(gl.POINTS, 0, Math.ceil(count / every));
     }
-    gl.bindVertexArray(null);
   }
 
   /** Draw lines, and faintly what points hide of them. */
@@ -253,7 +279,7 @@ function pointAt(points, camera, x, y, edge, deep, [lowest, highest]) {
   for (const tile of points.tiles) {
     const corner = minus(tile.origin, camera.target);
     const [r0, u0, a0] = [dot(corner, right), dot(corner, up), dot(corner, ahead) + camera.distance];
-    for (let k = tile.start, at = 4 * k; k < tile.start + tile.count; k++, at += 4) {
+    for (let k = tile.start, at = 3 * k; k < tile.start + tile.count; k++, at += 3) {
       const px = quantum * places[at], py = quantum * places[at + 1], pz = quantum * places[at + 2];
       const height = tile.origin[2] + pz;
       if (height < lowest || height > highest) continue;

@@ -1,30 +1,17 @@
-// The map in 3D: what is shown of it, and what is picked and measured. It is drawn when something changed, and with fewer
-// points while it moves.
+// The map in 3D: what is shown of it, and what is picked and measured.
 
-const STILL = 200; // after the last movement all points are drawn [ms]
-const MANY = 30000; // of fewer points all are drawn while moving, too
-const THIRD = 3; // of more, every third; fewer on machines that take longer than SLOW for a frame
-const FEWEST = 30; // WebGL allows no wider steps
-const [SLOW, QUICK] = [50, 20]; // [ms]
 const ARM = 0.012; // of a control point's cross, as a share of the map's reach
+const MOST_LABELS = 60; // of control points
 
-class View {
+class ReportView extends MapView {
   /** `tell` is called with what was picked: {point}, {pose}, {pair}, {distance} or {tying}, or null. */
   constructor(stage, content, decisions, tell) {
-    Object.assign(this, { stage, content, decisions, tell });
-    this.canvas = stage.querySelector("canvas");
-    this.scene = new Scene(this.canvas);
-    this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
-    this.frames = 0;
-    this.movedAt = -Infinity;
-    this.moved = false; // since the last frame
-    this.step = THIRD;
+    super(stage);
+    Object.assign(this, { content, decisions, tell });
     this.shown = { points: true, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true, wrong: true };
     this.measuring = false;
     this.tying = null; // the scan that the next pose is tied to
     this.measured = [];
-    new ResizeObserver(() => this.resize()).observe(stage);
-    followPointer(this);
     followKeys(this, { m: () => this.measure(!this.measuring), Escape: () => this.leave() });
   }
 
@@ -32,7 +19,7 @@ class View {
   showPart(part, points) {
     this.part = part;
     this.points = points;
-    this.camera = new Camera(part.extent, part.middle);
+    this.camera.cover(part.extent, part.middle);
     this.resize();
     this.camera.reset(); // as the picture is high and wide now
     this.pairs = pairsOf(part, this.content.pairs);
@@ -51,11 +38,9 @@ class View {
   }
 
   colorBy(name) {
-    const { color, palette } = this.colorings[(this.coloring = name)];
-    const { places, count } = this.points;
-    for (let k = 0; k < count; k++) places[4 * k + 3] = color(k);
+    const { texel, palette } = this.colorings[(this.coloring = name)];
     this.scene.usePalette(palette);
-    this.scene.upload("points");
+    this.scene.colorPoints("points", texel && Uint8Array.from({ length: this.points.count }, (_, k) => texel(k)));
     this.request();
   }
 
@@ -160,50 +145,20 @@ class View {
     this.tell({ pair: drawn ?? pair });
   }
 
-  /** Ask for a frame; `moving` if a third of the points will do. */
-  request(moving = false) {
-    if (moving) [this.movedAt, this.moved] = [performance.now(), true];
-    this.waiting ??= requestAnimationFrame(() => this.draw());
+  look() {
+    const { part, points, shown } = this;
+    const clouds = shown.points ? [{ name: "points", tiles: points.tiles }] : [];
+    return { clouds, voxel: part.voxel, range: part.height.range, labels: this.labels() };
   }
 
-  draw() {
-    this.waiting = null;
-    if (!this.camera) return;
-    const now = performance.now();
-    const moving = this.moved || now - this.movedAt < STILL; // a slow machine draws long after it was asked
-    this.moved = false;
-    const clouds = this.shown.points ? ["points"] : [], { scene, heights } = this;
-    const step = moving && this.points.count > MANY ? this.stepFor(now) : 1;
-    scene.draw(this.camera, { ground: this.ground(), clouds, voxel: this.part.voxel, step, heights });
-    this.frames++;
-    [this.drawnAt, this.wasMoving] = [now, moving];
-    placeLabels(this);
-    if (moving) {
-      clearTimeout(this.settling);
-      this.settling = setTimeout(() => this.request(), STILL);
-    }
-  }
-
-  /** Which points are drawn while moving: every third, or fewer if the frames before took long. */
-  stepFor(now) {
-    const took = now - (this.drawnAt ?? -Infinity);
-    if (this.wasMoving && took > SLOW) this.step = Math.min(FEWEST, 2 * this.step);
-    else if (this.wasMoving && took < QUICK) this.step = Math.max(THIRD, this.step / 2);
-    return Math.floor(this.step);
-  }
-
-  ground() {
-    const [r, g, b] = getComputedStyle(this.stage).backgroundColor.match(/[\d.]+/g).map(Number);
-    return [r / 255, g / 255, b / 255];
-  }
-
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.stage;
-    if (!this.camera || !width || !height) return;
-    const ratio = Math.min(2, window.devicePixelRatio || 1);
-    this.canvas.width = Math.round(width * ratio);
-    this.canvas.height = Math.round(height * ratio);
-    [this.camera.width, this.camera.height] = [width, height];
-    this.request();
+  /** Names of places: [[place, text], ...]. */
+  labels() {
+    const { control, mark, measured, measuring, part: { track: { places } }, shown } = this;
+    return [
+      ...(shown.track && places.length > 1 ? [[places[0], "start"], [places[places.length - 1], "end"]] : []),
+      ...(shown.control ? control.map(({ name, known }) => [known, `△ ${name}`]).slice(0, MOST_LABELS) : []),
+      ...measured.map((place, k) => [place, "AB"[k]]),
+      ...(mark && !measuring ? [[mark, "◉"]] : []),
+    ];
   }
 }
