@@ -1,10 +1,8 @@
 """Content of the report: one value for JSON with the map, its evidence, poses with ellipsoids, pairs, distances from
 navigation, ties and control points; and the bytes of points and pictures."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +56,6 @@ def content_of(folder: Map) -> Content:
         "wrong_fixes": wrong_places(graph),
         "ties": tie_rows(summary, folder.names),
         "control_points": control_rows(summary, folder.parts, folder.names),
-        "key": map_key(summary, folder.names),
         "graph": summary["graph"],
         "settings": setting_rows(summary["settings"]),
         "versions": summary["versions"],
@@ -303,12 +300,6 @@ def control_rows(summary: Mapping[str, Any], parts: Sequence[MapPart], names: Se
         judged = {"left_out": wrong, "counted": scan in in_world and not wrong, "in_sigmas": float(row["in_sigmas"])}
         rows.append({"name": name, "scan": scan, "use": str(row["use"]), **places, "residual": residual, **judged})
     return rows
-
-
-def map_key(summary: Mapping[str, Any], names: Sequence[str]) -> str:
-    """Hash that identifies a map by its inputs, scans, settings, ties, control points and versions."""
-    made = [summary.get(name) for name in ("inputs", "settings", "ties", "control_points", "versions")]
-    return sha256(json.dumps([made, list(names)], sort_keys=True, default=str).encode()).hexdigest()[:24]
 
 
 def _name(scan: Any, names: Sequence[str]) -> str:

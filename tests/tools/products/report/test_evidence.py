@@ -14,7 +14,6 @@ from sonarmap.tools.products.report.content import (
     control_rows,
     crossing_rows,
     kept_sequential,
-    map_key,
     navigation_rows,
     pair_rows,
     tie_rows,
@@ -108,15 +107,6 @@ def test_a_control_point_counts_in_the_world_unless_left_out(folder: Map) -> Non
     }
     rows = control_rows(summary, [replace(folder.parts[0], in_world=True)], NAMES)
     assert [(row["counted"], row["left_out"]) for row in rows] == [(False, True), (True, False)]
-
-
-def test_the_map_key_differs_between_maps(folder: Map) -> None:
-    summary = dict(folder.summary)
-    key = map_key(summary, NAMES)
-    assert key == map_key(summary | {"files": ["another"]}, NAMES)
-    changes = ({"settings": {"voxel": 0.25}}, {"ties": [{"target": "a"}]}, {"inputs": []})
-    others = [map_key(summary | change, NAMES) for change in changes]
-    assert len({key, map_key(summary, NAMES[::-1]), *others}) == 5
 
 
 def test_rows_of_pairs_and_crossings() -> None:

@@ -91,16 +91,29 @@ class TestOfOnePage:
 
 
 @pytest.mark.slow
-def test_decisions_survive_a_reload_until_discarded(content: Content, tmp_path: Path) -> None:
-    """The map's own ties are there from the start, and remain when new decisions are discarded."""
-    path = path_of(content, tmp_path, ties=[MADE])
+def test_the_ties_of_the_map_remain_when_new_ones_are_discarded(content: Content, tmp_path: Path) -> None:
     made = tie(0, 7, "add", MADE["note"])
-    with opened(path) as page:
+    with opened(path_of(content, tmp_path, ties=[MADE])) as page:
         assert "kept" in page.page.locator("#ties tbody tr").inner_text()
         assert saved(page, "ties", tmp_path) == [made]
         decide(page, 0, "reject")
         page.page.locator("#ties tbody input").nth(1).fill("seen twice")
-        page.page.reload()
+        assert not page.page.evaluate("sonarmap.decisions.saved")
         assert saved(page, "ties", tmp_path) == [made, tie(*ends(content, 0), "reject", "seen twice")]
+        assert page.page.evaluate("sonarmap.decisions.saved")
         page.page.locator("#ties").get_by_role("button", name="Discard new decisions").click()
         assert saved(page, "ties", tmp_path) == [made]
+
+
+@pytest.mark.slow
+def test_the_browser_asks_before_unsaved_decisions_are_lost(content: Content, tmp_path: Path) -> None:
+    with opened(path_of(content, tmp_path)) as page:
+        asked: list[str] = []
+        page.page.on("dialog", lambda dialog: (asked.append(dialog.type), dialog.accept()))
+        decide(page, 0, "reject")
+        saved(page, "ties", tmp_path)
+        page.page.reload()
+        assert asked == []
+        decide(page, 0, "reject")
+        page.page.reload()
+        assert asked == ["beforeunload"]

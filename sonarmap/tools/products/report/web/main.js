@@ -53,6 +53,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => view
 showSections();
 decisions.listeners.push(showDecisions);
 showDecisions();
+window.addEventListener("beforeunload", (event) => decisions.saved || event.preventDefault()); // the browser then asks the user
 try {
   view = new ReportView($("#stage"), content, decisions, (hit) => showPicked($("#picked"), view, content, hit));
 } catch (error) {

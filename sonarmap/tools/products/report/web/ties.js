@@ -1,55 +1,29 @@
 // Ties by hand: what is decided, the buttons at pairs, the list, and the file for `sonarmap map --ties`.
 
-const areTexts = (values) => values.every((value) => typeof value === "string");
-const isTie = ({ target, source, verdict, note }) => areTexts([target, source, verdict, note]);
-
 class Decisions {
-  /** Those that the browser kept for this map; else those that the map was made with, as the next file must hold them, too. */
+  /** At first those that the map was made with, as the next file must hold them, too. */
   constructor(content) {
     this.content = content;
-    this.key = `sonarmap ${content.key}`;
     this.listeners = [];
-    this.lost = false; // whether the browser keeps nothing
     this.index = new Map(content.names.map((name, k) => [name, k]));
     const consecutive = { role: "sequential", kept: true, reason: "consecutive scans, kept" };
     const tried = [...content.sequential.map(([target, source]) => ({ target, source, ...consecutive })), ...content.pairs];
     this.tried = new Map(tried.map((pair) => [`${pair.target} ${pair.source}`, pair]));
     const added = content.ties.filter(({ verdict }) => verdict === "add");
     this.added = new Set(added.map(({ target, source }) => `${this.index.get(target)} ${this.index.get(source)}`));
-    this.ties = this.kept() ?? this.asMade();
-  }
-
-  /** The ties that the map was made with. */
-  asMade() {
-    return this.content.ties.map(({ effect, ...tie }) => ({ ...tie }));
-  }
-
-  kept() {
-    try {
-      const { ties } = JSON.parse(localStorage.getItem(this.key));
-      return ties.every(isTie) ? ties : null;
-    } catch {
-      return null; // nothing is there, or nothing may be read
-    }
-  }
-
-  /** Have the browser keep the decisions. */
-  keep() {
-    try {
-      localStorage.setItem(this.key, JSON.stringify({ ties: this.ties }));
-    } catch {
-      this.lost = true;
-    }
+    this.forget();
   }
 
   changed() {
-    this.keep();
+    this.saved = false;
     for (const listener of this.listeners) listener();
   }
 
+  /** Go back to the ties that the map was made with. */
   forget() {
-    this.ties = this.asMade();
+    this.ties = this.content.ties.map(({ effect, ...tie }) => ({ ...tie }));
     this.changed();
+    this.saved = true;
   }
 
   /** The tie of a pair, by the numbers of its scans; undefined where the user decided nothing. */
@@ -131,7 +105,7 @@ function tieSection(content, decisions, choose) {
       known ? verdictButtons(decisions, pair) : button("remove", () => decisions.remove(tie)),
       make("input", { type: "text", value: tie.note, placeholder: "why", "aria-label": `note on ${words}`, oninput: (event) => {
         tie.note = event.target.value;
-        decisions.keep();
+        decisions.saved = false;
       } }),
       before ? before.effect || "as before" : known ? `new; ${pair.kept ? "the map kept it" : decisions.wasTried(pair) ? "the map refused it" : "not tried"}` : "",
     ];
@@ -157,15 +131,13 @@ function tieSection(content, decisions, choose) {
 
 /** Save, and back to what the map was made with. */
 function fileButtons(decisions) {
-  const said = make("p", { role: "status" });
-  const buttons = make("div", { class: "buttons" },
-    button("Save ties.csv", () => saveFile("ties.csv", tiesFile(decisions)), { class: "save" }),
-    button("Discard new decisions", () => decisions.forget()), said);
-  const update = () => {
-    buttons.hidden = !decisions.ties.length;
-    if (decisions.lost) said.textContent = "This browser keeps nothing for pages on disk: save the file before you close this page.";
+  const save = () => {
+    saveFile("ties.csv", tiesFile(decisions));
+    decisions.saved = true;
   };
-  follow(decisions, update);
+  const buttons = make("div", { class: "buttons" },
+    button("Save ties.csv", save, { class: "save" }), button("Discard new decisions", () => decisions.forget()));
+  follow(decisions, () => (buttons.hidden = !decisions.ties.length));
   return buttons;
 }
 
