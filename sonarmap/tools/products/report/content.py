@@ -53,7 +53,6 @@ def content_of(folder: Map) -> Content:
         "sequential": kept_sequential(graph["pairs"]),
         "crossings": summary["crossing_error_m"] | {"rows": crossing_rows(graph)},
         "navigation": {"names": [*ANGLES, *AXES], "units": ["deg"] * 3 + ["m"] * 3, "rows": navigation_rows(graph)},
-        "wrong_fixes": wrong_places(graph),
         "ties": tie_rows(summary, folder.names),
         "control_points": control_rows(summary, folder.parts, folder.names),
         "graph": summary["graph"],
@@ -182,16 +181,14 @@ def _concerns(summary: Mapping[str, Any]) -> Iterator[str]:
 ANGLES, AXES = ("roll", "pitch", "heading"), ("East", "North", "Up")  # the order of a prior's numbers
 _DIGITS = 5  # decimals of lengths [m]
 _TURN_DIGITS = 8  # decimals of a quaternion: a point 100 m away moves by micrometers
-_SAME = 1e-3  # largest shift of positions that count as unchanged [m]
 _SHORT = 4  # significant digits of numbers that are only read
 _PLACES = ("point", "known", "estimated", "sigma")  # of a control point: three numbers each
 
 
 def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
-    """Poses of a map: scans, stamps [s], places (positions) [m], turns (quaternions x, y, z, w of R_world_sensor), and
+    """Poses of a map: scans, places (positions) [m], turns (quaternions x, y, z, w of R_world_sensor), and
     half axes of their ellipsoids, (3, 3) as rows x, y, z [m]: sigmas along the principal axes, in the map's frame.
-    `before` has the positions before the loops, or null if graph.json lacks them or they are unchanged; `overlaps` has
-    the overlap of each scan with its predecessor, or null."""
+    `overlaps` has the overlap of each scan with its predecessor, or null."""
     R = part.trajectory.T_world_sensor.rotation.as_matrix()
     variances, directions = np.linalg.eigh(R @ part.covariances[:, 3:, 3:] @ R.transpose(0, 2, 1))
     half_axes = (directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]).transpose(0, 2, 1)
@@ -199,23 +196,11 @@ def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
     overlaps = {int(pair["source"]): _short(pair.get("overlap")) for pair in sequential}
     return {
         "scans": list(part.scans),
-        "stamps": part.trajectory.stamps.tolist(),
         "places": np.round(part.trajectory.T_world_sensor.translation, _DIGITS).tolist(),
         "turns": np.round(part.trajectory.T_world_sensor.rotation.as_quat(), _TURN_DIGITS).tolist(),
         "half_axes": np.round(half_axes, _DIGITS).tolist(),
-        "before": _before(part, graph["poses"]),
         "overlaps": [overlaps.get(scan) for scan in part.scans],
     }
-
-
-def _before(part: MapPart, poses: Sequence[Mapping[str, Any]]) -> list[list[float]] | None:
-    """Positions of a part's scans before the loops [m]; None if unknown or unchanged."""
-    matrices = [poses[scan].get("T_world_sensor_before_loops") for scan in part.scans]
-    if any(matrix is None for matrix in matrices):
-        return None
-    places = _poses(matrices).translation
-    apart = np.abs(places - part.trajectory.T_world_sensor.translation).max()
-    return np.round(places, _DIGITS).tolist() if apart > _SAME else None
 
 
 def kept_sequential(pairs: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
@@ -266,12 +251,6 @@ def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
         | {"sigmas": [_short(s) for s in sigma]}
         for scan, away, sigma in zip(scans, apart.tolist(), sigmas.tolist(), strict=True)
     ]
-
-
-def wrong_places(graph: Mapping[str, Any]) -> dict[int, list[float]]:
-    """Rejected positions by scan, East and North [m]; none for a graph.json of an earlier version."""
-    fixes = graph.get("wrong_fixes", ())
-    return {int(fix["pose"]): [float(number) for number in fix["place"]] for fix in fixes if fix.get("place")}
 
 
 def tie_rows(summary: Mapping[str, Any], names: Sequence[str]) -> list[dict[str, Any]]:

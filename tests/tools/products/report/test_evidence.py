@@ -28,19 +28,16 @@ def test_an_ellipsoid_is_turned_with_its_pose() -> None:
     T = RigidTransform.from_components([[3.0, -4.0, 5.0]], Rotation.from_euler("z", [90.0], degrees=True))
     none = np.zeros((0, 3))
     part = MapPart("", none, {}, (6,), Trajectory(np.array([12.5]), T), covariance[None], False)
-    before = RigidTransform.from_translation([3.5, -4.25, 5.0]).as_matrix().tolist()
     pairs = [
         {"target": 5, "source": 6, "role": "sequential", "kept": True, "overlap": 0.75},
         {"target": 2, "source": 6, "role": "loop", "kept": True, "overlap": 0.25},
     ]
-    track = track_of(part, {"poses": [{}] * 6 + [{"T_world_sensor_before_loops": before}], "pairs": pairs})
-    assert (track["scans"], track["stamps"], track["places"]) == ([6], [12.5], [[3.0, -4.0, 5.0]])
-    assert (track["before"], track["overlaps"]) == ([[3.5, -4.25, 5.0]], [0.75])
+    track = track_of(part, {"pairs": pairs})
+    assert (track["scans"], track["places"]) == ([6], [[3.0, -4.0, 5.0]])
+    assert track["overlaps"] == [0.75]
     np.testing.assert_allclose(track["turns"], [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-8)
     half_axes = np.abs(track["half_axes"][0])
     np.testing.assert_allclose(half_axes, [[0, 0.01, 0], [0.02, 0, 0], [0, 0, 0.05]], atol=1e-9)
-    for pose in ({}, {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}):  # unknown, or unchanged
-        assert track_of(part, {"poses": 7 * [pose], "pairs": []})["before"] is None
 
 
 def prior(pose: int, T: RigidTransform, sigmas: list[float | None]) -> dict[str, Any]:

@@ -31,13 +31,11 @@ function layerBoxes(view) {
   const layers = {
     points: "points",
     track: "track of the sensor",
-    before: view.part.track.before && "track before the loops",
     ellipsoids: `ellipsoids (95 %)${enlarged(view.factor)}`,
     kept: kept && `${counted(kept, "loop")} kept`,
     refused: refused && `${counted(refused, "pair")} refused`,
     decided: "ties by hand",
     control: view.control.length && `control points, residuals${enlarged(view.exaggeration)}`,
-    wrong: view.wrong.length && "positions left out",
   };
   const change = (name, on) => {
     view.shown[name] = on;

@@ -5,12 +5,10 @@ const LINES = {
   ellipsoids: { color: [0.9, 0.35, 0], width: 1 },
   kept: { color: [0.2, 0.62, 0.95], width: 1.2 },
   refused: { color: [0.85, 0.4, 0.7], width: 1.5, dash: 6 },
-  before: { color: [0.55, 0.5, 0.6], width: 1.8, dash: 4 },
   accepted: { color: [0, 0.62, 0.45], width: 3.5 },
   rejected: { color: [0.85, 0.4, 0.7], width: 3.5, dash: 6 },
   control: { color: [0.84, 0.37, 0], width: 2.5, hidden: 0.75 },
   residuals: { color: [0.9, 0.1, 0.1], width: 2.5, hidden: 0.75 },
-  wrong: { color: [0.9, 0.1, 0.1], width: 1.5, dash: 3, hidden: 0.75 },
   chosen: { color: [1, 0.85, 0.1], width: 6, hidden: 0.75 },
   measured: { color: [1, 1, 1], width: 2.5, hidden: 0.75 },
 };
@@ -18,11 +16,11 @@ const CONFIDENCE = 2.7955; // standard deviations of a place in space that hold 
 const CIRCLE = 24; // pieces of a circle
 const MOST_ELLIPSOIDS = 400;
 
-/** From pose to pose, but not from one survey to another; `places` of the track's scans. */
-function trackPieces(track, surveys, places = track.places) {
+/** From pose to pose, but not from one survey to another. */
+function trackPieces({ scans, places }, surveys) {
   const pieces = [];
   for (let k = 1; k < places.length; k++)
-    if (surveys[track.scans[k - 1]] === surveys[track.scans[k]]) pieces.push([places[k - 1], places[k]]);
+    if (surveys[scans[k - 1]] === surveys[scans[k]]) pieces.push([places[k - 1], places[k]]);
   return pieces;
 }
 
@@ -72,11 +70,6 @@ function controlOf(part, content) {
       const place = fromSensor(part.track, index.get(row.scan), row.point);
       return { name: row.name, place, known: minus(place, row.residual), row };
     });
-}
-
-/** From each scan whose position was left out to where that said it was, at the scan's height. */
-function wrongPieces(track, places) {
-  return track.scans.flatMap((scan, k) => (places[scan] ? [[track.places[k], [...places[scan], track.places[k][2]]]] : []));
 }
 
 /** A cross at each known place, of arms [m]. */

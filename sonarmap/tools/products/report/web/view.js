@@ -8,7 +8,7 @@ class ReportView extends MapView {
   constructor(stage, content, decisions, tell) {
     super(stage);
     Object.assign(this, { content, decisions, tell });
-    this.shown = { points: true, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true, wrong: true };
+    this.shown = { points: true, track: true, ellipsoids: true, kept: true, refused: true, decided: true, control: true };
     this.measuring = false;
     this.tying = null; // the scan that the next pose is tied to
     this.measured = [];
@@ -24,7 +24,6 @@ class ReportView extends MapView {
     this.camera.reset(); // as the picture is high and wide now
     this.pairs = pairsOf(part, this.content.pairs);
     this.control = controlOf(part, this.content);
-    this.wrong = wrongPieces(part.track, this.content.wrong_fixes);
     this.factor = fittingFactor(part.track, this.camera.reach);
     this.exaggeration = fittingExaggeration(this.control, this.camera.reach);
     this.colorings = coloringsOf(part, points);
@@ -52,13 +51,11 @@ class ReportView extends MapView {
     for (const name of ["kept", "refused"])
       lines(name, shown[name], () => this.pairs.filter((pair) => pair.kept === (name === "kept")).map((pair) => pair.ends));
     lines("ellipsoids", shown.ellipsoids, () => ellipsoidPieces(track, this.factor));
-    lines("before", shown.before && track.before, () => trackPieces(track, this.content.surveys, track.before));
     lines("track", shown.track, () => trackPieces(track, this.content.surveys));
     for (const name of ["accepted", "rejected"])
       lines(name, shown.decided, () => this.ties.filter((tie) => (tie.verdict === "reject") === (name === "rejected")).map((tie) => tie.ends));
     lines("control", shown.control, () => crosses(control.map(({ known }) => known), ARM * this.camera.reach));
     lines("residuals", shown.control, () => residualPieces(control, this.exaggeration));
-    lines("wrong", shown.wrong, () => [...this.wrong, ...crosses(this.wrong.map(([, place]) => place), ARM * this.camera.reach)]);
     this.showMeasured();
     this.request();
   }

@@ -1,41 +1,10 @@
-"""Optional layers of the page in Chromium, and the packing of points."""
-
-from collections.abc import Iterator
-from dataclasses import replace
-from pathlib import Path
+"""The packing of points."""
 
 import numpy as np
-import pytest
 from scipy.spatial import KDTree
 
-from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.names import FULL_GRAPH
-from sonarmap.tools.files.user_file import read_json
-from sonarmap.tools.products.report.content import content_of
 from sonarmap.tools.products.report.points import FRACTION, codes, pack
-from tests.tools.products.report.browser import Opened, opened
-from tests.tools.products.report.known_map import folder_of, known_points, unpack, written
-
-SHIFT = np.array([0.75, -1.5, 0.25])  # of the track before the loops [m]
-
-
-def with_track_before_loops(out: Path) -> Map:
-    """Map of the known points whose track before the loops is off by SHIFT."""
-    folder = folder_of(known_points(), out)
-    graph = read_json(out / FULL_GRAPH, "a graph")
-    for pose in graph["poses"]:
-        before = np.array(pose["T_world_sensor"])
-        before[:3, 3] += SHIFT
-        pose["T_world_sensor_before_loops"] = before.tolist()
-    return replace(folder, graph=graph)
-
-
-@pytest.fixture(scope="module")
-def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    out = tmp_path_factory.mktemp("layers") / "out"
-    with opened(written(content_of(with_track_before_loops(out)), out / "report.html")) as page:
-        yield page
-
+from tests.tools.products.report.known_map import unpack
 
 VOXEL = 0.25
 FINE = VOXEL / FRACTION
@@ -80,13 +49,3 @@ def test_packing_a_surface_is_compact_and_reproducible() -> None:
     data, layout = pack(points, {}, VOXEL)
     assert len(data) / len(points) < 3.3
     assert (data, layout) == pack(points.copy(), {}, VOXEL)
-
-
-def test_the_track_before_the_loops_is_shown_on_request(shown: Opened) -> None:
-    page = shown.page
-    count = "sonarmap.view.scene.lines.get('before').count"
-    assert page.evaluate(count) == 0
-    page.locator("label.before input").check()
-    assert page.evaluate(count) == page.evaluate("sonarmap.view.scene.lines.get('track').count")
-    track = page.evaluate("sonarmap.view.part.track")
-    np.testing.assert_allclose(np.subtract(track["before"], track["places"]), np.tile(SHIFT, (8, 1)), atol=2e-5)
