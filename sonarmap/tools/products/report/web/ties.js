@@ -45,11 +45,6 @@ class Decisions {
     this.changed();
   }
 
-  remove(one) {
-    this.ties = this.ties.filter((other) => other !== one);
-    this.changed();
-  }
-
   /** What a tie between two scans would join, the earlier as the target. */
   between(one, other) {
     const { names } = this.content;
@@ -98,16 +93,15 @@ function tieSection(content, decisions, choose) {
   const body = make("div");
   const line = (tie) => {
     const pair = decisions.pairOf(tie), words = `${tie.target}\u00a0– ${tie.source}`;
-    const known = pair.target !== undefined && pair.source !== undefined;
     const before = made.get(`${tie.target}\n${tie.source}`);
     return [
-      known ? link(words, () => choose(pair)) : `${words} (no scans of this map)`,
-      known ? verdictButtons(decisions, pair) : button("remove", () => decisions.remove(tie)),
+      link(words, () => choose(pair)),
+      verdictButtons(decisions, pair),
       make("input", { type: "text", value: tie.note, placeholder: "why", "aria-label": `note on ${words}`, oninput: (event) => {
         tie.note = event.target.value;
         decisions.saved = false;
       } }),
-      before ? before.effect || "as before" : known ? `new; ${pair.kept ? "the map kept it" : decisions.wasTried(pair) ? "the map refused it" : "not tried"}` : "",
+      before ? before.effect || "as before" : `new; ${pair.kept ? "the map kept it" : decisions.wasTried(pair) ? "the map refused it" : "not tried"}`,
     ];
   };
   let shown = null;
