@@ -3,7 +3,8 @@
 /** Fill the form for the part that is shown; `change` shows another part, by its number. */
 function showControls(form, view, content, number, change) {
   const select = (label, options, chosen, onchange) =>
-    make("label", {}, label, choice(options, { onchange: (event) => onchange(event.target.value) }, chosen));
+    make("label", {}, label, make("select", { onchange: (event) => onchange(event.target.value) },
+      ...options.map(([value, text]) => make("option", { value, selected: value === chosen }, text))));
   const parts = content.parts.map((part, k) => [k, `${part.name}: ${part.count.toLocaleString("en")} points`]);
   const height = view.part.height.zero === null ? "height" : "depth";
   const colorings = Object.keys(view.colorings).map((name) => [name, name === "depth" ? height : name]);

@@ -19,10 +19,6 @@ const button = (text, onclick, more = {}) => make("button", { type: "button", on
 /** A button that looks like a link. */
 const link = (text, onclick) => button(text, onclick, { class: "link" });
 
-/** A list to choose from, of [value, text]. */
-const choice = (options, attributes, chosen) => make("select", attributes,
-  ...options.map(([value, text]) => make("option", { value, selected: String(value) === String(chosen) }, text)));
-
 /** A length with as many decimals as `step` [m] has use for. */
 function meters(value, step = 0.01) {
   const decimals = Math.max(0, Math.min(4, Math.ceil(-Math.log10(step))));
@@ -61,7 +57,7 @@ function follow(decisions, update) {
 const CHART_WIDTH = Math.min(720, Math.max(330, document.documentElement.clientWidth - 24)); // so that its texts can be read on a phone
 
 /** What is measured scan by scan as curves: series [{name, values with null for none}], in a unit. */
-function chart(label, unit, xs, series, words = "number of the scan") {
+function chart(label, unit, xs, series) {
   const [width, height, left, right, top, bottom] = [CHART_WIDTH, 220, 64, 12, 12, 34];
   let [low, high] = [0, 0];
   for (const value of series.flatMap((one) => one.values)) if (value !== null) [low, high] = [Math.min(low, value), Math.max(high, value)];
@@ -72,7 +68,7 @@ function chart(label, unit, xs, series, words = "number of the scan") {
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${label} [${unit}]` });
   svg.append(...grid(ticks(low, high), y, [left, width - right], unit));
   for (const tick of ticks(first, last).filter(Number.isInteger)) svg.append(below(x(tick), height - bottom + 16, tick));
-  svg.append(below((left + width - right) / 2, height - 3, words));
+  svg.append(below((left + width - right) / 2, height - 3, "number of the scan"));
   svg.append(...series.map(({ values }, s) => curve(xs.map(x), values, y, s)));
   const names = series.map((one, s) => make("span", { class: `key curve-${s}` }, one.name));
   return make("figure", {}, make("figcaption", {}, `${label} [${unit}] `, ...names), svg);

@@ -49,7 +49,6 @@ function showPictures(why) {
   for (const twice of ["#pictures", 'nav a[href="#pictures"]']) $(twice)?.remove();
 }
 
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => view?.showMeasured());
 showSections();
 decisions.listeners.push(showDecisions);
 showDecisions();
@@ -66,8 +65,6 @@ if (view) {
   });
   try {
     await showPart(0);
-    await new Promise(requestAnimationFrame);
-    performance.mark("opened"); // the first frame is on its way
   } catch (error) {
     view = null;
     showPictures(`its points cannot be unpacked (${error.message})`);

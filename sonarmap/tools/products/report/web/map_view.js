@@ -17,6 +17,7 @@ class MapView {
     this.camera = new Camera();
     this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
     new ResizeObserver(() => this.resize()).observe(stage);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.request());
     followPointer(this);
   }
 

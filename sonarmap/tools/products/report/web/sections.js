@@ -34,8 +34,7 @@ function loopSection({ pairs, names }, decisions, choose) {
   const count = make("p", { "aria-live": "polite" });
   const body = make("tbody");
   const more = button("Show all", () => fill(Infinity));
-  const verdict = choice(["all", "kept", "refused"].map((value) => [value, value]), { onchange: () => fill() }, "all");
-  const search = make("input", { type: "search", placeholder: "a scan, or a word of a reason", oninput: () => fill() });
+  const search = make("input", { type: "search", placeholder: "scan, kept, refused, or reason", oninput: () => fill() });
   const row = (pair) => {
     const shown = tableRow([pairLink(pair, names, choose), verdictButtons(decisions, pair), pair.role, pair.kept ? "kept" : "refused",
       percent(pair.overlap), percent(pair.probability), short(pair.residual_sigmas, "σ")]);
@@ -44,9 +43,8 @@ function loopSection({ pairs, names }, decisions, choose) {
   };
   const fill = (most = FIRST_ROWS) => {
     const word = search.value.trim().toLowerCase();
-    const chosen = pairs.filter((pair) =>
-      (verdict.value === "all" || pair.kept === (verdict.value === "kept")) &&
-      [names[pair.target], names[pair.source], pair.role, pair.reason].some((text) => text.toLowerCase().includes(word)));
+    const texts = (pair) => [names[pair.target], names[pair.source], pair.role, pair.kept ? "kept" : "refused", pair.reason];
+    const chosen = pairs.filter((pair) => texts(pair).some((text) => text.toLowerCase().includes(word)));
     body.replaceChildren(...chosen.slice(0, most).map(row));
     more.hidden = chosen.length <= most;
     count.textContent = `${Math.min(most, chosen.length)} of ${chosen.length} pairs`;
@@ -55,7 +53,7 @@ function loopSection({ pairs, names }, decisions, choose) {
   const headings = ["scans", "by hand", "role", "verdict", "overlap", "probability", "from the final poses", "reason"];
   return [
     make("p", {}, "Click on a pair to see it in the map; accept or reject it where you know better."),
-    make("div", { class: "filter" }, make("label", {}, "Show ", verdict), make("label", {}, "Search ", search), count),
+    make("div", { class: "filter" }, make("label", {}, "Search ", search), count),
     table(headings, [], body, "scroll tall"),
     more,
   ];
@@ -76,7 +74,7 @@ function trackSection({ name, track }) {
   ];
 }
 
-/** Before the loops and after: of all, as a curve, and of those that lie farthest apart. */
+/** Before the loops and after: of all, and of those that lie farthest apart. */
 function crossingSection({ crossings, names }, choose) {
   if (!crossings.pairs) return [];
   const row = (name, suffix) => [name, short(crossings[`before${suffix}`], "m"), short(crossings[`after${suffix}`], "m")];
@@ -89,15 +87,12 @@ function crossingSection({ crossings, names }, choose) {
 }
 
 function crossingRows(rows, names, choose) {
-  const sorted = (name, key) => ({ name, values: rows.map((row) => row[key]).sort((a, b) => a - b) });
   const worst = [...rows].sort((a, b) => b.after_m - a.after_m).slice(0, WORST);
   const line = (row) => [
     pairLink({ ...row, role: "crossing", kept: true }, names, choose),
     short(row.before_m, "m"), short(row.after_m, "m"), short(row.after_90_m, "m"),
   ];
   return [
-    chart("Median distance at a crossing", "m", rows.map((_, k) => k + 1),
-      [sorted("after", "after_m"), sorted("before the loops", "before_m")], "crossings, from the smallest distance to the largest"),
     make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
     table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
   ];

@@ -91,8 +91,7 @@ class ReportView extends MapView {
   }
 
   showMeasured() {
-    const ink = this.ground()[0] > 0.5 ? 0 : 1; // white on a dark ground, black on a light one
-    this.scene.showLines("measured", this.measured.length === 2 ? [this.measured] : [], { ...LINES.measured, color: [ink, ink, ink] });
+    this.scene.showLines("measured", this.measured.length === 2 ? [this.measured] : [], LINES.measured);
     this.request();
   }
 
