@@ -20,8 +20,8 @@ from sonarmap.tools.products.report.content import Content, content_of
 SCRIPTS = tuple(
     f"{name}.js"
     for name in (
-        *("packed", "camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "map_view", "view"),
-        *("geo", "controls", "ties", "sections", "main"),
+        *("packed", "camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "map_view"),
+        *("picking", "view", "geo", "controls", "ties", "sections", "main"),
     )
 )
 REPORT_WEB = "sonarmap.tools.products.report.web"

@@ -1,6 +1,8 @@
 // How the map follows mouse, pen, fingers and keys.
 
 const TAP = 5; // a pointer that moved less than this was a click [pixels]
+const NEAR = 8; // pixels within which something is hit
+const FINGER = 18; // the same for a finger
 
 /** Mouse, pen and fingers: one turns, Shift or the right button moves, two fingers move and zoom. */
 function followPointer(view) {

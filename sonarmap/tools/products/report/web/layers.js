@@ -61,14 +61,14 @@ function decidedPairs(part, decisions) {
   return pairsOf(part, decisions.ties.map((tie) => ({ ...decisions.pairOf(tie), verdict: tie.verdict })));
 }
 
-/** Control points of a part: {name, place where the map has it, known place, row}, both [m] in the part's own frame. */
+/** Control points of a part: {name, known place [m] in the part's own frame, row}. */
 function controlOf(part, content) {
   const index = new Map(part.track.scans.map((scan, k) => [content.names[scan], k]));
   return content.control_points
     .filter((row) => index.has(row.scan) && (row.counted || row.left_out)) // where the part lies in the world
     .map((row) => {
       const place = fromSensor(part.track, index.get(row.scan), row.point);
-      return { name: row.name, place, known: minus(place, row.residual), row };
+      return { name: row.name, known: minus(place, row.residual), row };
     });
 }
 
