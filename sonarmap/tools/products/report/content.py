@@ -84,7 +84,6 @@ def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes]:
         "height": _height(folder, part) | {"range": [low, high]},
         "track": track_of(part, folder.graph),
         "on_earth": folder.on_earth(part),
-        "unmeasured": list(part.unmeasured) if part.in_world else [],
     }
     return row, data
 

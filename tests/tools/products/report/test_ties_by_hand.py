@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -11,6 +11,9 @@ import pytest
 from sonarmap.tools.products.report.content import Content
 from tests.tools.products.report.browser import Opened, click, opened
 from tests.tools.products.report.known_map import AS_WRITTEN, NAMES, path_of, saved
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Dialog
 
 MADE: dict[str, Any] = {"target": NAMES[0], "source": NAMES[7], "verdict": "add", "note": 'why, "so"', "effect": "kept"}
 MADE |= {"transform": {}}
@@ -109,7 +112,12 @@ def test_the_ties_of_the_map_remain_when_new_ones_are_discarded(content: Content
 def test_the_browser_asks_before_unsaved_decisions_are_lost(content: Content, tmp_path: Path) -> None:
     with opened(path_of(content, tmp_path)) as page:
         asked: list[str] = []
-        page.page.on("dialog", lambda dialog: (asked.append(dialog.type), dialog.accept()))
+
+        def agree(dialog: "Dialog") -> None:
+            asked.append(dialog.type)
+            dialog.accept()
+
+        page.page.on("dialog", agree)
         decide(page, 0, "reject")
         saved(page, "ties", tmp_path)
         page.page.reload()
