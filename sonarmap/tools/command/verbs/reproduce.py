@@ -152,9 +152,8 @@ def command(
     Experiments on simulated scans are the paper's, to compare our numbers with its numbers, or this project's
     evaluations of methods. 'reproduce real DIR' compares methods on your own scans.
 
-    OUT gets NAME.csv with every row, NAME.md with the tables, NAME.png with a figure, and the times in
-    NAME-seconds.csv, NAME-times.md and NAME.json. The same command continues a run that was stopped; finished jobs are
-    kept in OUT/journal.sqlite.
+    OUT gets NAME.csv with every row, NAME.md with the tables, and the times in NAME-seconds.csv, NAME-times.md and
+    NAME.json. The same command continues a run that was stopped; finished jobs are kept in OUT/journal.sqlite.
     """
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid

@@ -38,7 +38,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """An experiment with its settings; `tables.py` and `figures.py` have its tables and its picture."""
+    """An experiment with its settings; `tables.py` has its tables."""
 
     name: str  # on the command line and of the files
     settings: Settings

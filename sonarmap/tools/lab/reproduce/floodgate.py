@@ -23,7 +23,7 @@ from sonarmap.tools.lab.simulate.trajectories import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 VOXEL = 2.0  # of methods that do not run on the paper's grids [m]
-# Method, in the order of tables and figures -> whether it runs on each of the paper's grids
+# Method, in the order of the tables -> whether it runs on each of the paper's grids
 COMPARED: Mapping[str, bool] = MappingProxyType(
     {
         **{"icp": False, "icp-plane": False, "fpfh-ransac": False, "kiss": False},

@@ -1,8 +1,7 @@
-"""Writes the files of an experiment: rows, a page with tables and a picture, run times, and a record."""
+"""Writes the files of an experiment: rows, a page with tables, run times, and a record."""
 
 import json
 import math
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +9,7 @@ from pathlib import Path
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.tables import to_json, write_json, write_table
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Experiment, Row
-from sonarmap.tools.lab.reproduce.figures import FIGURES
-from sonarmap.tools.lab.reproduce.render import Rendered, frame_of, render, where
+from sonarmap.tools.lab.reproduce.render import Rendered, frame_of, render
 from sonarmap.tools.lab.reproduce.run import Provenance, Result
 from sonarmap.tools.lab.reproduce.tables import SHOWN
 
@@ -34,15 +32,12 @@ class Record:
 def write_experiment(
     folder: Path, experiment: Experiment, result: Result, shown: Sequence[Row], provenance: Provenance, command: str
 ) -> Record:
-    """Write NAME.csv, NAME.png and NAME.md, the same on every run, and NAME-seconds.csv, NAME-times.md and NAME.json.
+    """Write NAME.csv and NAME.md, the same on every run, and NAME-seconds.csv, NAME-times.md and NAME.json.
 
     `shown` are the rows of the tables. Raises InputError: a file cannot be written; then no file is written.
     """
     name, rows, seconds = experiment.name, result.rows, result.times
-    figure = FIGURES.get(name)
-    drawn_rows = where(frame_of(rows), figure.rows) if figure else None
-    figure = None if drawn_rows is None or drawn_rows.empty else figure
-    figures, timed = [f"{name}.png"] if figure else [], [f"{name}-seconds.csv"] if seconds else []
+    timed = [f"{name}-seconds.csv"] if seconds else []
     record = Record(
         name=name,
         command=command,
@@ -52,22 +47,15 @@ def write_experiment(
         seconds=sum(result.job_seconds.values()),
         jobs=len(result.outcomes),
         provenance=provenance,
-        files=(f"{name}.csv", f"{name}.md", *timed, f"{name}-times.md", *figures, f"{name}.json"),
+        files=(f"{name}.csv", f"{name}.md", *timed, f"{name}-times.md", f"{name}.json"),
     )
-    with tempfile.TemporaryDirectory() as drawn:
-        picture = Path(drawn) / f"{name}.png"
-        if figure:
-            figure.draw(picture, drawn_rows, experiment.settings)
-        with all_or_none():
-            if figure:
-                _write(folder / picture.name, picture.read_bytes())
-            write_rows(folder / f"{name}.csv", rows)
-            if seconds:
-                write_rows(folder / f"{name}-seconds.csv", seconds)
-            caption = f"![{figure.caption}]({name}.png)\n\n*{figure.caption}*\n\n" if figure else ""
-            _write(folder / f"{name}.md", _page(record, caption).encode())
-            _write(folder / f"{name}-times.md", f"# {record.title}: times\n\n{_times(record)}".encode())
-            write_json(folder / f"{name}.json", to_json(record) | {"job_seconds": result.job_seconds})
+    with all_or_none():
+        write_rows(folder / f"{name}.csv", rows)
+        if seconds:
+            write_rows(folder / f"{name}-seconds.csv", seconds)
+        _write(folder / f"{name}.md", _page(record))
+        _write(folder / f"{name}-times.md", f"# {record.title}: times\n\n{_times(record)}")
+        write_json(folder / f"{name}.json", to_json(record) | {"job_seconds": result.job_seconds})
     return record
 
 
@@ -98,12 +86,12 @@ def _settings_table(provenance: Provenance) -> Rendered:
     return Rendered("Settings", ("setting", "value"), rows)
 
 
-def _page(record: Record, picture: str) -> str:
+def _page(record: Record) -> str:
     tables = "\n".join(table.markdown() for table in record.tables)
     rows = f"[{record.name}.csv]({record.name}.csv)"
     times = f"[{record.name}-times.md]({record.name}-times.md)"
     made = f"Every row: {rows}. Times: {times}. Made by\n\n```sh\n{record.command}\n```\n"
-    return f"# {record.title}\n\n{tables}\n{picture}{made}"
+    return f"# {record.title}\n\n{tables}\n{made}"
 
 
 def _times(record: Record) -> str:
@@ -122,6 +110,6 @@ def _cell(value: object) -> str:
     return str(value)
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write(path: Path, text: str) -> None:
     with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
+        temporary.write_bytes(text.encode())

@@ -24,7 +24,7 @@ from tests.samples.experiments.fake_experiment import JOBS, fake, origin
 from tests.samples.experiments.real_folders import put
 
 pytestmark = pytest.mark.usefixtures("faked")
-REPRODUCIBLE = ("fake.csv", "fake.md", "fake.png")
+REPRODUCIBLE = ("fake.csv", "fake.md")
 KILLED = f"""
 import sys; sys.path.insert(0, {str(ROOT.parent)!r})
 from contextlib import nullcontext
