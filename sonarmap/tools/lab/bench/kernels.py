@@ -46,7 +46,7 @@ _TRACED = 7  # number of runs that are timed by the device's clock
 def measure_kernels(
     device: Device, edges: Sequence[int], repeats: int, seed: int, cores: int, step: Callable[[str], None]
 ) -> Iterator[dict[str, Any]]:
-    """The rows of all cases on grids of each edge, with `cores` threads for the twins; `step` is called after each.
+    """The rows of all cases on grids of each edge, with `cores` threads for peers; `step` is called after each.
 
     Kernel times are only known on a device with profiling. Raises DeviceError: the device cannot hold an array.
     """
@@ -63,16 +63,15 @@ def measure_kernels(
 def measure_case(
     case: KernelCase, device: Device, edge: int, repeats: int, built_seconds: float = 0.0
 ) -> dict[str, Any]:
-    """Time a kernel, its twin and its peers in turns, then compare the results of kernel and twin in one more round.
+    """Time a kernel and its peers in turns.
 
     The row has seconds, bytes and bytes per second. `built_seconds` is the time that its programs took to build.
     """
     peers = case.peers()
 
-    def run() -> Any:
-        result = case.run()
+    def run() -> None:
+        case.run()
         device.queue.finish()
-        return result
 
     def restore() -> None:
         case.restore()
@@ -82,22 +81,15 @@ def measure_case(
     restore()
     with clocked(BUILDS) as clock:
         first_seconds, _ = timed(run)
-    times, twin_times, *peer_times = interleave(run, [case.twin, *(peer.run for peer in peers)], repeats, restore)
+    times, *peer_times = interleave([run, *(peer.run for peer in peers)], repeats, restore)
     counts, kernel_seconds = _trace(case, device)
-    case.restore()
-    error, median = relative_difference(case.read(run()), case.twin()), times.median
+    median = times.median
     return {
         "kernel": case.name,
-        "twin": case.twin_name,
         "grid": edge,
         "device_seconds": asdict(times),
-        "twin_seconds": asdict(twin_times),
-        "ratio": twin_times.median / median,
         "bytes_moved": case.moved,
         "rate": case.moved / median,
-        "error": error,
-        "tolerance": case.tolerance,
-        "right": error <= case.tolerance,  # False if the error is NaN
         # the extra time of the first run counts as compiling
         "compile_seconds": built_seconds + max(build_seconds(clock), first_seconds - median),
         "launches": counts.launches,
@@ -124,10 +116,3 @@ def _trace(case: KernelCase, device: Device) -> tuple[Counts, dict[str, float]]:
         device.queue.finish()
     times = [counts.kernel_seconds() for counts in rounds]
     return rounds[0], {name: float(np.median([run[name] for run in times])) for name in times[0]}
-
-
-def relative_difference(got: np.ndarray, wanted: np.ndarray) -> float:
-    """Relative L2 difference; infinite if the shapes differ."""
-    if got.shape != wanted.shape:
-        return float("inf")
-    return float(np.linalg.norm(got - wanted) / np.linalg.norm(wanted))

@@ -2,36 +2,20 @@
 
 from importlib import import_module
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.transform import RealFFT
 from sonarmap.kernels.pomf.peak import find_peaks
 from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
-from sonarmap.tools.lab.bench import twins
-from sonarmap.tools.lab.bench.case import (
-    BLUR,
-    ELEMENTWISE,
-    FFT,
-    WHITENED,
-    KernelCase,
-    Peer,
-    peak_numbers,
-    valid,
-)
+from sonarmap.tools.lab.bench.case import BLUR, KernelCase, Peer
 from sonarmap.tools.lab.bench.timing import copier
 from sonarmap.tools.lab.bench.workload import Workload
 
 
 def copy_case(w: Workload) -> KernelCase:
-    out = np.empty_like(w.volume)
-
-    def twin() -> np.ndarray:
-        np.copyto(out, w.volume)
-        return out
-
-    return KernelCase("copy", "np.copyto", 2 * w.volume_bytes, 0.0, copier(w.device, w.volume), twin)
+    return KernelCase("copy", 2 * w.volume_bytes, copier(w.device, w.volume))
 
 
 def real_forward_case(w: Workload) -> KernelCase:
@@ -39,12 +23,8 @@ def real_forward_case(w: Workload) -> KernelCase:
     volume, out = w.upload(w.volume), w.device.empty(fft.half_shape, np.complex64)
     return KernelCase(
         "RealFFT.forward",
-        "scipy.fft.rfftn",
         w.volume_bytes + 3 * w.half_bytes,
-        FFT,
         run=lambda: fft.forward(volume, out=out),
-        read=valid,
-        twin=lambda: twins.forward(w.volume, w.cores),
         peers=lambda: fft_peers(w, inverse=False),
     )
 
@@ -56,11 +36,8 @@ def real_inverse_case(w: Workload) -> KernelCase:
     out = w.device.empty(fft.shape)
     return KernelCase(
         "RealFFT.inverse",
-        "scipy.fft.irfftn",
         3 * w.half_bytes + w.volume_bytes,
-        FFT,
         run=lambda: fft.inverse(spectrum, out=out),
-        twin=lambda: twins.inverse(w.spectrum, w.cores),
         restore=lambda: spectrum.set(padded),
         peers=lambda: fft_peers(w, inverse=True),
     )
@@ -70,39 +47,24 @@ def magnitude_case(w: Workload) -> KernelCase:
     spectrum, out = w.upload_half(w.spectrum), w.device.empty((w.edge, w.edge, w.edge // 2 + 1))
     return KernelCase(
         "magnitude",
-        "np.abs, fftshift",
         w.half_bytes + w.half_bytes // 2,
-        ELEMENTWISE,
         run=lambda: magnitude(w.device, spectrum, w.edge, out=out),
-        twin=lambda: twins.magnitude(w.spectrum),
     )
 
 
 def whiten_case(w: Workload) -> KernelCase:
     spectrum = w.upload_half(w.spectrum)
-    out, host = w.device.empty(spectrum.shape, np.complex64), np.empty_like(w.spectrum)
-    return KernelCase(
-        "whiten",
-        "np.abs, np.divide",
-        2 * w.half_bytes,
-        ELEMENTWISE,
-        run=lambda: whiten(w.device, spectrum, out=out),
-        read=valid,
-        twin=lambda: twins.whiten(w.spectrum, host),
-    )
+    out = w.device.empty(spectrum.shape, np.complex64)
+    return KernelCase("whiten", 2 * w.half_bytes, run=lambda: whiten(w.device, spectrum, out=out))
 
 
 def cross_power_case(w: Workload) -> KernelCase:
-    target, source = (w.upload_half(spectrum) for spectrum in w.whitened)
-    out, host = w.device.empty(target.shape, np.complex64), np.empty_like(w.spectrum)
+    target, source = _whitened(w)
+    out = w.device.empty(target.shape, np.complex64)
     return KernelCase(
         "cross_power",
-        "NumPy products",
         3 * w.half_bytes,
-        ELEMENTWISE,
         run=lambda: cross_power(w.device, target, source, w.volume.shape, (BLUR, BLUR, BLUR), out=out),
-        read=valid,
-        twin=lambda: twins.cross_power(*w.whitened, BLUR, host),
     )
 
 
@@ -111,45 +73,35 @@ def prepare_case(w: Workload) -> KernelCase:
     volume, out = w.upload(w.volume), w.upload_half(w.spectrum)
     return KernelCase(
         "Pomf.prepare",
-        "scipy.fft.rfftn, NumPy",
         w.volume_bytes + 3 * w.half_bytes,  # whitening can be fused into the last pass
-        WHITENED,
         run=lambda: pomf.prepare(volume, out=out),
-        read=valid,
-        twin=lambda: twins.prepare(w.volume, w.cores),
     )
 
 
 def correlate_case(w: Workload) -> KernelCase:
     pomf = Pomf(w.device, w.volume.shape, BLUR)
-    target, source = (w.upload_half(spectrum) for spectrum in w.whitened)
-    out, scratch = w.device.empty(w.volume.shape), np.empty_like(w.spectrum)
+    target, source = _whitened(w)
+    out = w.device.empty(w.volume.shape)
     return KernelCase(
         "Pomf.correlate",
-        "NumPy, scipy.fft.irfftn",
         4 * w.half_bytes + w.volume_bytes,  # the product can be fused into the first pass
-        WHITENED,
         run=lambda: pomf.correlate(target, source, out=out),
-        twin=lambda: twins.correlate(*w.whitened, BLUR, scratch, w.cores),
     )
 
 
 def find_peaks_case(w: Workload) -> KernelCase:
-    host = twins.correlate(*w.whitened, BLUR, np.empty_like(w.spectrum), w.cores)
-    correlation = w.upload(host)
-    return KernelCase(
-        "find_peaks",
-        "np.argmax, mean, std",
-        host.nbytes,
-        1e-5,
-        run=lambda: find_peaks(w.device, correlation)[0],
-        read=peak_numbers,
-        twin=lambda: twins.peak(host),
-    )
+    correlation = Pomf(w.device, w.volume.shape, BLUR).correlate(*_whitened(w))
+    return KernelCase("find_peaks", w.volume_bytes, run=lambda: find_peaks(w.device, correlation))
+
+
+def _whitened(w: Workload) -> tuple[Any, Any]:
+    """Whitened half spectra on the device: of a target, the shifted source plus noise, and of the source."""
+    pomf = Pomf(w.device, w.volume.shape)
+    return pomf.prepare(w.upload(w.shifted)), pomf.prepare(w.upload(w.volume))
 
 
 def fft_peers(w: Workload, inverse: bool) -> list[Peer]:
-    """The installed ones of FFTW (planned by measuring, with the threads of the twins) and VkFFT on the same device."""
+    """The installed ones of FFTW (planned by measuring, with a thread per core) and VkFFT on the same device."""
     peers = [_pyfftw(w, inverse)] if find_spec("pyfftw") else []
     return peers + ([_pyvkfft(w, inverse)] if find_spec("pyvkfft") else [])
 
@@ -181,9 +133,6 @@ def _pyfftw(w: Workload, inverse: bool) -> Peer:
         if inverse:  # the inverse overwrites its input
             input_array[:] = source
 
-    wanted = w.volume if inverse else w.spectrum
-    if not np.linalg.norm(plan() - wanted) <= 1e-5 * np.linalg.norm(wanted):
-        raise InputError("the results of pyfftw and scipy.fft differ; uninstall pyfftw or install another version")
     restore()
     return Peer("pyfftw", plan.execute if not inverse else plan, restore)
 

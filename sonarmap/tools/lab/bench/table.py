@@ -35,14 +35,11 @@ def cells(columns: Columns, row: Row) -> list[str]:
 
 _KERNEL: Columns = {
     "kernel": lambda row: row["kernel"],
-    "device ms": milliseconds("device_seconds"),
+    "ms": milliseconds("device_seconds"),
     "event ms": number("event_seconds", ".3g", 1e3),
     "compile s": number("compile_seconds", ".2f"),
-    "twin ms": milliseconds("twin_seconds"),
-    "twin/device": number("ratio", ".2f"),
     "GB/s": number("rate", ".1f", 1e-9),
     "of copying": number("rate_over_copy_rate", ".0%"),
-    "difference": number("error", ".1e"),
 }
 _PAIR_TIMES: Columns = {
     "count": number("count"),
@@ -82,7 +79,7 @@ def describe(result: Row) -> RenderableType:
         rows = [row for row in result["kernels"] if row["grid"] == grid]
         lines = [line for row in rows for line in _kernel_lines(row)]
         parts += [Text(f"\nkernels at {grid}^3: medians [quartiles]")]
-        parts += [plain_table([*_KERNEL, "twin"], lines, names=["twin"])]
+        parts += [plain_table([*_KERNEL, "peer/device"], lines)]
     if pairs:
         lines = [line for row in pairs for line in _pair_lines(row)]
         headings = ("grid and step", *_PAIR_TIMES, *_PAIR)
@@ -104,7 +101,7 @@ def _head(result: Row) -> list[str]:
     before, after = ("unknown" if load is None else f"{load:.1f}" for load in result["load_average"])
     return [
         f"{result['device']['name']} ({result['device']['platform']})",
-        f"twins: {result['processor'] or 'unknown processor'}, {result['cores']} cores",
+        f"host: {result['processor'] or 'unknown processor'}, {result['cores']} cores",
         f"the device copies {result['copy_rate'] / 1e9:.1f} GB/s; load average {before} before, {after} after",
     ]
 
@@ -117,14 +114,11 @@ def _pair_words(row: Row) -> str:
     )
 
 
-def _kernel_lines(row: Row) -> Iterator[list[str | Text]]:
+def _kernel_lines(row: Row) -> Iterator[list[str]]:
     """The line of the kernel, and one per peer."""
-    line: list[str | Text] = [*cells(_KERNEL, row), row["twin"]]
-    if not row["right"]:
-        line[-5:-1] = ["-", "-", "-", Text(f"WRONG {row['error']:.1e}", "bold red")]
-    yield line
+    yield [*cells(_KERNEL, row), ""]
     for peer in row["peers"]:
-        yield [f"  {peer['library']}", "", "", "", milliseconds("seconds")(peer), f"{peer['ratio']:.2f}", *[""] * 4]
+        yield [f"  {peer['library']}", milliseconds("seconds")(peer), "", "", "", "", f"{peer['ratio']:.2f}"]
 
 
 def _pair_lines(row: Row) -> Iterator[list[str]]:

@@ -15,9 +15,6 @@ from sonarmap.kernels.device.device import Device
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_TWIN_SECONDS = 5.0  # approximate total time of a slow twin [s]
-_FEWEST = 3  # smallest number of runs of a slow twin
-
 
 @dataclass(frozen=True, slots=True)
 class Times:
@@ -50,27 +47,17 @@ def timed(call: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> tupl
 
 
 def interleave(
-    first: Callable[[], object],
-    others: Sequence[Callable[[], object]],
-    repeats: int,
-    restore: Callable[[], object] = lambda: None,
+    calls: Sequence[Callable[[], object]], repeats: int, restore: Callable[[], object] = lambda: None
 ) -> list[Times]:
     """Times of calls that take turns, so that other load of the machine affects all of them; in the order of the calls.
 
-    `first` is called `repeats` times, the others less often if they are slow. Each is called once before, untimed.
-    `restore` is called before every round, to restore input that the calls overwrite.
+    A first round is not timed. `restore` is called before every round, to restore input that the calls overwrite.
     """
-    restore()
-    first()
-    turns = [min(repeats, max(_FEWEST, int(_TWIN_SECONDS / max(timed(call)[0], 1e-9)))) for call in others]
-    seconds: list[list[float]] = [[] for _ in (first, *others)]
-    for n in range(repeats):
+    rounds: list[list[float]] = []
+    for _ in range(1 + repeats):
         restore()
-        seconds[0].append(timed(first)[0])
-        for call, share, times in zip(others, turns, seconds[1:], strict=True):
-            if (n + 1) * share // repeats > n * share // repeats:
-                times.append(timed(call)[0])
-    return [summarize(times) for times in seconds]
+        rounds.append([timed(call)[0] for call in calls])
+    return [summarize(seconds) for seconds in zip(*rounds[1:], strict=True)]
 
 
 def processor_name() -> str:

@@ -1,14 +1,14 @@
-"""Seeded random input of the kernels for grids of one size, the same for device and twin."""
+"""Seeded random input of the kernels for grids of one size."""
 
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.fft
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.fft.edges import row_pitch
-from sonarmap.tools.lab.bench import twins
 
 # A rotation about an axis that is none of the grid
 R: np.ndarray = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
@@ -44,19 +44,13 @@ class Workload:
     @cached_property
     def spectrum(self) -> np.ndarray:
         """(N, N, N/2 + 1) complex64, the half spectrum of the volume."""
-        return twins.forward(self.volume, self.cores)
+        return np.asarray(scipy.fft.rfftn(self.volume, workers=self.cores))
 
     @cached_property
-    def magnitude(self) -> np.ndarray:
-        """(N, N, N/2 + 1) float32, |spectrum| centered in axes 0 and 1."""
-        return twins.magnitude(self.spectrum)
-
-    @cached_property
-    def whitened(self) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened half spectra (N, N, N/2 + 1) complex64: of a target (the shifted source plus noise) and a source."""
+    def shifted(self) -> np.ndarray:
+        """(N, N, N) float32, the volume shifted by SHIFT, plus noise."""
         noise = self.rng(1).standard_normal(self.volume.shape, dtype=np.float32)
-        target = np.roll(self.volume, SHIFT, axis=(0, 1, 2)) + noise
-        return twins.prepare(target, self.cores), twins.prepare(self.volume, self.cores)
+        return np.roll(self.volume, SHIFT, axis=(0, 1, 2)) + noise
 
     @cached_property
     def radii(self) -> np.ndarray:
@@ -70,17 +64,11 @@ class Workload:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(n, 4) float32: points [voxels from the center] and weights; `R` moves none of them to a voxel's boundary."""
+        """(n, 4) float32: points [voxels from the center] and weights; under `R` all of them lie in the grid."""
         rng = self.rng(3)
         voxels = rng.integers(0, self.edge, (_POINTS, 3)) - self.edge // 2
         turned = voxels + rng.uniform(-0.45, 0.45, (_POINTS, 3))
         return np.column_stack([turned @ R, rng.uniform(0.1, 1.0, _POINTS)]).astype(np.float32)
-
-    @cached_property
-    def shifted(self) -> np.ndarray:
-        """(N, N, N/2 + 1) complex64, the whitened half spectrum of the points under `R`, moved by SHIFT."""
-        volume = twins.voxelize(self.points, R, np.empty((self.edge,) * 3, np.float32))
-        return twins.prepare(np.roll(volume, SHIFT, axis=(0, 1, 2)), self.cores)
 
     @cached_property
     def surface(self) -> np.ndarray:

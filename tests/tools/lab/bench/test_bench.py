@@ -1,4 +1,4 @@
-"""Benchmarks: timing, detection of wrong kernels, and stored results."""
+"""Benchmarks: timing, kernels, pairs, and stored results."""
 
 import json
 import multiprocessing
@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +16,11 @@ from typer.testing import CliRunner, Result
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.bench import twins
-from sonarmap.tools.lab.bench.kernels import CASES, measure_case, measure_kernels, relative_difference
+from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
 from sonarmap.tools.lab.bench.timing import interleave
-from sonarmap.tools.lab.bench.workload import Workload
 from tests.samples.places import ROOT
 
 
@@ -54,30 +51,19 @@ def stored(short_run: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestTiming:
     def test_calls_take_turns_after_a_warm_up(self) -> None:
         calls: list[str] = []
-        others = [lambda: calls.append("b"), lambda: calls.append("c")]
-        times = interleave(lambda: calls.append("a"), others, 3, lambda: calls.append("-"))
+        turns = [lambda: calls.append("a"), lambda: calls.append("b"), lambda: calls.append("c")]
+        times = interleave(turns, 3, lambda: calls.append("-"))
         assert "".join(calls) == "-abc-abc-abc-abc"
         assert [each.count for each in times] == [3, 3, 3]
 
 
 class TestKernels:
-    @pytest.mark.parametrize("edge", [16, 32])
     @pytest.mark.slow
-    def test_every_kernel_equals_its_twin(self, device: Device, edge: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_every_kernel_is_timed(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sonarmap.tools.lab.bench.kernels.CASES", CASES)
-        results = list(measure_kernels(device, [edge], 2, 5, 2, lambda _: None))
+        results = list(measure_kernels(device, [32], 2, 5, 2, lambda _: None))
         assert len(results) == len(CASES)
-        assert {result["kernel"]: result["error"] for result in results if not result["right"]} == {}
         assert all(result["bytes_moved"] > 0 and result["launches"] > 0 for result in results)
-
-    def test_a_wrong_kernel_is_detected(self, device: Device) -> None:
-        case = real_forward_case(Workload(device, 16, 1, 0))
-        assert measure_case(case, device, 16, 1)["right"]
-        off = replace(case, read=lambda result: case.read(result) * np.float32(1 + 1e-4))
-        assert not measure_case(off, device, 16, 1)["right"]
-        broken = replace(case, read=lambda result: case.read(result) * np.nan)
-        assert not measure_case(broken, device, 16, 1)["right"]
-        assert relative_difference(np.ones(3), np.ones(4)) == np.inf
 
 
 @pytest.mark.slow
@@ -115,19 +101,13 @@ class TestPairs:
 
 
 class TestCommand:
-    def test_the_result_has_versions_rates_and_ratios(self, stored: Path) -> None:
+    def test_the_result_has_versions_and_rates(self, stored: Path) -> None:
         result = json.loads(stored.read_text())
         assert result["pairs"] == []
         assert result["versions"]["numpy"] == np.__version__
         row = next(row for row in result["kernels"] if row["kernel"] == "RealFFT.forward")
-        assert row["right"]
         assert row["rate"] == row["bytes_moved"] / row["device_seconds"]["median"]
-        assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
-
-    def test_a_wrong_kernel_ends_with_exit_code_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        right = twins.magnitude
-        monkeypatch.setattr("sonarmap.tools.lab.bench.twins.magnitude", lambda *given: right(*given) + np.float32(1))
-        assert bench("--grid", "16", "--repeats", "2", "--pairs", "0").exit_code == 3
+        assert row["rate_over_copy_rate"] == row["rate"] / result["copy_rate"]
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
