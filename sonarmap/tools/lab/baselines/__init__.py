@@ -1,6 +1,6 @@
-"""Registration methods and SLAM systems of others, for comparison.
+"""Registration methods of others, for comparison.
 
 Each method implements the protocol `spectral.result.Registrar`: `prepare` a scan, `register` two prepared scans.
 `points.py` has the base class of the methods on points, with their covariance, overlap and acceptance; `icp.py` and
-`features.py` have the methods; `surveys.py` maps whole surveys by other systems.
+`features.py` have the methods.
 """

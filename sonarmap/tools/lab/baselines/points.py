@@ -8,7 +8,7 @@ import ctypes
 import os
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -22,22 +22,21 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 
+_STDOUT = 1  # file descriptor
+
 
 @contextmanager
-def silent(streams: Sequence[int] = (1,)) -> Iterator[None]:
-    """Discard what Python, C and C++ write to the standard output (1), or also to the standard error (2)."""
+def silent() -> Iterator[None]:
+    """Discard what Python, C and C++ write to the standard output."""
     sys.stdout.flush()
-    sys.stderr.flush()
-    kept, nowhere = {stream: os.dup(stream) for stream in streams}, os.open(os.devnull, os.O_WRONLY)
-    for stream in streams:
-        os.dup2(nowhere, stream)
+    kept, nowhere = os.dup(_STDOUT), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, _STDOUT)
     try:
         yield
     finally:
         ctypes.CDLL(None).fflush(None)  # C buffers its output if stdout is not a terminal
-        for stream, before in kept.items():
-            os.dup2(before, stream)
-            os.close(before)
+        os.dup2(kept, _STDOUT)
+        os.close(kept)
         os.close(nowhere)
 
 

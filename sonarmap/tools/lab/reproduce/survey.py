@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Mapping
-from functools import lru_cache
 from types import MappingProxyType
 
 from sonarmap.kernels.device.device import choose_device
@@ -16,15 +15,7 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.survey_mapped import (
-    OURS,
-    PEERS,
-    SYSTEMS,
-    MappedSurvey,
-    installed,
-    map_survey,
-    mapped_of,
-)
+from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey, map_survey, mapped_of
 from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, estimate_cells, simulate_survey, survey_cells
 from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
 from sonarmap.tools.methods.fingerprint import method_key
@@ -48,44 +39,28 @@ SOURCES = (
 
 
 def create(request: Request) -> Experiment:
-    """A job is a survey by one system, as floodgate-5/200/sonarmap, or two dives, as floodgate-5/dives; other systems
-    only map the longest survey. `quick` maps twelve scans on a grid of half the edge, without other systems."""
-    left_out = () if request.quick else tuple(system for system in PEERS if not installed(system))
-    systems = {"systems": tuple(name for name in SYSTEMS if name not in left_out), "left_out": left_out}
-    quick = {"counts": (12,), "dive": 0, "edge": 64, "systems": (OURS,)}
-    settings = as_asked(request, _USUAL | systems, quick)
-
-    @lru_cache(maxsize=1)
-    def survey_of(kind: str) -> SimulatedSurvey:
-        """The survey of a job, cached for the next system."""
-        named = _named(kind)
-        dives = _ORDER if named["survey"] == DIVES else (1,)
-        count = settings.dive if named["survey"] == DIVES else int(named["survey"])
-        return simulate_survey(settings.scene, int(named["seed"]), count, settings.unusable, dives)
+    """A job is a survey, as floodgate-5/200, or two dives, as floodgate-5/dives. `quick` maps twelve scans on a grid of
+    half the edge."""
+    settings = as_asked(request, _USUAL, {"counts": (12,), "dive": 0, "edge": 64})
 
     def run(job: str) -> Outcome:
-        kind, _, system = job.rpartition("/")
-        if system == DIVES:
-            kind, system = job, OURS
-        survey = survey_of(kind)
+        labels = _named(job)
+        dives = _ORDER if labels["survey"] == DIVES else (1,)
+        count = settings.dive if labels["survey"] == DIVES else int(labels["survey"])
+        survey = simulate_survey(settings.scene, int(labels["seed"]), count, settings.unusable, dives)
         grid = survey_grid(survey.scans, settings.edge)
-        mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, request.opened.selector)
-        labels = _named(kind) | {"system": system}
+        mapped = map_survey(survey.scans, survey.dives.tolist(), grid, request.opened.selector)
         cells = labels | survey_cells(survey, mapped, grid.voxel)
         return Outcome((cells,), (labels | _seconds(mapped, len(survey.scans)),))
 
-    jobs = []
-    for seed in all_seeds(settings):
-        prefix, longest = f"{settings.scene}-{seed}", max(settings.counts)
-        for count in settings.counts:
-            jobs += [f"{prefix}/{count}/{name}" for name in settings.systems if name == OURS or count == longest]
-        jobs += [f"{prefix}/{DIVES}"] if settings.dive else []
+    surveys = [*settings.counts, *([DIVES] if settings.dive else [])]
+    jobs = [f"{settings.scene}-{seed}/{survey}" for seed in all_seeds(settings) for survey in surveys]
     return Experiment("survey", settings, jobs, run, SOURCES)
 
 
-def _named(kind: str) -> dict[str, Value]:
+def _named(job: str) -> dict[str, Value]:
     """Cells that identify a job; "survey" is the number of its scans, or DIVES."""
-    place, survey = kind.split("/")
+    place, survey = job.split("/")
     scene, _, seed = place.rpartition("-")
     return {"scene": scene, "seed": int(seed), "survey": survey}
 

@@ -1,4 +1,4 @@
-"""Simulated surveys, and the row of a system's errors on a survey."""
+"""Simulated surveys, and the row of the mapper's errors on a survey."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -53,9 +53,9 @@ def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: S
 
 
 def survey_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
-    """Cells of a system's result for a survey with voxels of this edge [m].
+    """Cells of the mapper's result for a survey with voxels of this edge [m].
 
-    Trajectories are aligned over the usable scans; a map also contains unusable scans that the system places.
+    Trajectories are aligned over the usable scans; a map also contains unusable scans that the mapper places.
     """
     return estimate_cells(survey, mapped, voxel) | _map(survey, mapped, voxel)
 
@@ -93,10 +93,8 @@ def _errors(evaluated: Evaluation, voxel: float) -> dict[str, Value]:
 
 
 def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
-    calibration = None
-    if mapped.covariances is not None:
-        truth = survey.truth.T_world_sensor[list(mapped.placed)]
-        calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
+    truth = survey.truth.T_world_sensor[list(mapped.placed)]
+    calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
     cells = calibration.to_json() if calibration else {}
     return {key: cells.get(key, _NAN) for key in _CALIBRATION}
 

@@ -294,7 +294,7 @@ REAL = (
 )
 
 
-_SURVEY = ("scene", "seed", "survey", "system")
+_SURVEY = ("scene", "seed", "survey")
 SURVEY = (
     Table(
         "Poses and pairs",

@@ -52,6 +52,7 @@ def mapped(survey: SimulatedSurvey) -> MappedSurvey:
         pairs=pairs,
         points=T_TRUTH_ESTIMATE.inv().apply([[0.0, 0, 0.3], [1, 2, 0.3], [2, -3, 4.3]]),
         seen=np.array([2, 3, 1]),
+        covariances=np.repeat(np.eye(6)[None], len(placed), axis=0),
     )
 
 
