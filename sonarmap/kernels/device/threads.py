@@ -10,7 +10,7 @@ from sonarmap.kernels.errors import InputError
 # Set by the user, or by `share_cores` in worker processes.
 VARIABLE = "SONARMAP_THREADS"
 _QUOTA = Path("/sys/fs/cgroup/cpu.max")
-# Read by PoCL before version 4, PoCL since, OpenMP (Open3D, small_gicp), and the BLAS of NumPy and SciPy.
+# Read by PoCL before version 4, PoCL since, OpenMP (Open3D), and the BLAS of NumPy and SciPy.
 _OF_LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 

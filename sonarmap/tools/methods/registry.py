@@ -143,12 +143,6 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "kiss": Method(
             "KISS-Matcher, then ICP", _OfLab("features:KissRegistrar"), _FEATURE_SOURCES, package="kiss-matcher"
         ),
-        "gicp": Method(
-            "generalized ICP from the identity (small_gicp)",
-            _OfLab("icp:GicpRegistrar"),
-            _POINT_SOURCES,
-            package="small_gicp",
-        ),
     }
 )
 

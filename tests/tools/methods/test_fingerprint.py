@@ -83,5 +83,5 @@ class TestSources:
         for name, method in METHODS.items():
             assert source_digest(method.sources)
             assert ("kernels" in method.sources) is ("device" in method.options)
-            if name in ("icp", "icp-plane", "gicp"):
+            if name in ("icp", "icp-plane"):
                 assert not any("features" in place for place in method.sources), name

@@ -1,14 +1,12 @@
 """Iterative closest point from the identity (paper Sect. 4.2): Open3D's point to point (Besl and McKay 1992, DOI
-10.1109/34.121791) and point to plane (Chen and Medioni 1992, DOI 10.1016/0262-8856(92)90066-C), and generalized ICP
-(Segal et al. 2009, DOI 10.15607/RSS.2009.V.021) by small_gicp (DOI 10.21105/joss.06948)."""
+10.1109/34.121791) and point to plane (Chen and Medioni 1992, DOI 10.1016/0262-8856(92)90066-C)."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.tools.extras import load_package
 from sonarmap.tools.lab.baselines.points import (
     MethodVerdict,
     PointRegistrar,
@@ -16,7 +14,6 @@ from sonarmap.tools.lab.baselines.points import (
     judge_fit,
     one_thread,
     quiet,
-    silent,
     to_open3d,
 )
 
@@ -58,39 +55,3 @@ def iterate(
         for distance in distances:
             T = np.asarray(icp.registration_icp(moving, fixed, distance, T, estimation, criteria).transformation)
     return RigidTransform.from_matrix(T)
-
-
-_NEIGHBORS = 20  # from which a point's covariance is computed
-_THREADS = 1  # sums over several threads differ in their last bits from run to run
-
-
-class GicpRegistrar(PointRegistrar):
-    """Generalized ICP from the identity, with the distances of ICP. Raises InputError: the package is not installed."""
-
-    def __init__(self, voxel: float) -> None:
-        super().__init__(voxel)
-        self._gicp = load_package("small_gicp", "small_gicp", "the method gicp", "peers")
-
-    def describe(self, cloud: ThinnedCloud) -> Any:
-        """small_gicp's PointCloud, with a covariance per point, and its KdTree."""
-        points = self._gicp.PointCloud(cloud.points)
-        tree = self._gicp.KdTree(points, num_threads=_THREADS)
-        self._gicp.estimate_normals_covariances(points, tree, num_neighbors=_NEIGHBORS, num_threads=_THREADS)
-        return points, tree
-
-    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """Registration from the identity, accepted by the share of points in common."""
-        (fixed, tree), (moving, _), T = target.extra, source.extra, np.eye(4)
-        with silent():
-            for distance in DISTANCES:
-                T = self._gicp.align(
-                    fixed,
-                    moving,
-                    tree,
-                    T,
-                    max_correspondence_distance=distance * self.voxel,
-                    num_threads=_THREADS,
-                    max_iterations=_STEPS,
-                ).T_target_source
-        T_target_source = RigidTransform.from_matrix(T)
-        return T_target_source, judge_fit(target, source, T_target_source, self.voxel)

@@ -17,7 +17,7 @@ from sonarmap.tools.lab.simulate.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.methods.registry import METHODS, build
 
-POINTS = ("icp", "icp-plane", "fpfh-ransac", "fpfh-fgr", "kiss", "gicp")
+POINTS = ("icp", "icp-plane", "fpfh-ransac", "fpfh-fgr", "kiss")
 ANYWHERE = ("fpfh-ransac", "fpfh-fgr", "kiss")
 GRID = Grid(128, 2.0)
 # p_target = T p_source: a small motion, all numbers different
