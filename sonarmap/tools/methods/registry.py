@@ -130,13 +130,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         ),
         "fpfh-ransac": Method(
             "FPFH features, RANSAC, then ICP (Open3D)",
-            _OfLab("features:FeatureRegistrar", "ransac", seeded=True),
-            _FEATURE_SOURCES,
-            _SEEDED,
-        ),
-        "fpfh-fgr": Method(
-            "FPFH features, fast global registration, then ICP (Open3D)",
-            _OfLab("features:FeatureRegistrar", "fgr", seeded=True),
+            _OfLab("features:FeatureRegistrar", seeded=True),
             _FEATURE_SOURCES,
             _SEEDED,
         ),

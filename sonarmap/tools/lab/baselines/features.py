@@ -1,11 +1,11 @@
 """Global registration by features, refined by point-to-plane ICP.
 
 Open3D, with the parameters of its example: fast point feature histograms (Rusu et al. 2009, DOI
-10.1109/ROBOT.2009.5152473), and the transform by RANSAC or by fast global registration (Zhou et al. 2016, DOI
-10.1007/978-3-319-46475-6_47). KISS-Matcher (Lim et al. 2024, arXiv 2409.15615): graph pruning and a robust solver.
+10.1109/ROBOT.2009.5152473), and the transform by RANSAC. KISS-Matcher (Lim et al. 2024, arXiv 2409.15615): graph
+pruning and a robust solver.
 """
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -23,8 +23,6 @@ from sonarmap.tools.lab.baselines.points import (
     to_open3d,
 )
 
-Solver = Literal["ransac", "fgr"]
-
 FEATURE_REACH = 5.0  # radius of the neighborhood of a feature [voxels]
 FEATURE_NEIGHBORS = 100  # largest number of points in it
 MATCH_REACH = 1.5  # largest distance between matched points [voxels]
@@ -38,9 +36,8 @@ _CONFIDENCE = 0.999  # probability at which RANSAC ends
 class FeatureRegistrar(PointRegistrar):
     """FPFH features; every pair starts from the same random seed, so its result does not depend on other pairs."""
 
-    def __init__(self, voxel: float, solver: Solver = "ransac", seed: int = 0) -> None:
+    def __init__(self, voxel: float, seed: int = 0) -> None:
         super().__init__(voxel)
-        self.solver: Solver = solver
         self.seed = seed
 
     def describe(self, cloud: ThinnedCloud) -> Any:
@@ -65,22 +62,15 @@ class FeatureRegistrar(PointRegistrar):
         r, reach = o3d.pipelines.registration, MATCH_REACH * self.voxel
         inputs = to_open3d(source), to_open3d(target), source.extra, target.extra
         with one_thread():
-            if self.solver == "fgr":
-                options = r.FastGlobalRegistrationOption(maximum_correspondence_distance=reach)
-                result = r.registration_fgr_based_on_feature_matching(*inputs, options)
-            else:
-                result = r.registration_ransac_based_on_feature_matching(
-                    *inputs,
-                    True,  # only mutual matches
-                    reach,
-                    r.TransformationEstimationPointToPoint(False),
-                    _SAMPLES,
-                    [
-                        r.CorrespondenceCheckerBasedOnEdgeLength(_EDGE_RATIO),
-                        r.CorrespondenceCheckerBasedOnDistance(reach),
-                    ],
-                    r.RANSACConvergenceCriteria(_TRIES, _CONFIDENCE),
-                )
+            result = r.registration_ransac_based_on_feature_matching(
+                *inputs,
+                True,  # only mutual matches
+                reach,
+                r.TransformationEstimationPointToPoint(False),
+                _SAMPLES,
+                [r.CorrespondenceCheckerBasedOnEdgeLength(_EDGE_RATIO), r.CorrespondenceCheckerBasedOnDistance(reach)],
+                r.RANSACConvergenceCriteria(_TRIES, _CONFIDENCE),
+            )
         return RigidTransform.from_matrix(np.asarray(result.transformation))
 
     def _agreeing(self, target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform) -> tuple[int, int]:

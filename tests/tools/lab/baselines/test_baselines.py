@@ -17,8 +17,8 @@ from sonarmap.tools.lab.simulate.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.methods.registry import METHODS, build
 
-POINTS = ("icp", "icp-plane", "fpfh-ransac", "fpfh-fgr", "kiss")
-ANYWHERE = ("fpfh-ransac", "fpfh-fgr", "kiss")
+POINTS = ("icp", "icp-plane", "fpfh-ransac", "kiss")
+ANYWHERE = ("fpfh-ransac", "kiss")
 GRID = Grid(128, 2.0)
 # p_target = T p_source: a small motion, all numbers different
 SMALL = RigidTransform.from_components([1.1, -0.7, 0.4], Rotation.from_euler("ZYX", [5, 2, -3], degrees=True))
