@@ -7,7 +7,6 @@ import hashlib
 import inspect
 import json
 from collections.abc import Sequence
-from fnmatch import fnmatch
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,17 +28,15 @@ def fingerprint(value: Any) -> str:
 
 
 @cache
-def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Path = ROOT) -> str:
+def source_digest(places: Sequence[str], root: Path = ROOT) -> str:
     """The digest of the Python files, OpenCL programs and tables in `places`, as of the first call: the running code.
 
-    The places are folders and files, relative to the root. Files whose names match a pattern in `left_out`, such as
-    "*figure.py", are ignored. Raises FileNotFoundError: a place does not exist.
+    The places are folders and files, relative to the root. Raises FileNotFoundError: a place does not exist.
     """
     digest = hashlib.sha256()
     for path in sorted({path for place in places for path in _source_files(root / place)}):
-        if not any(fnmatch(path.name, pattern) for pattern in left_out):
-            content = path.read_bytes()
-            digest.update(f"{path.relative_to(root).as_posix()}\0{len(content)}\0".encode() + content)
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(root).as_posix()}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()
 
 
