@@ -2,11 +2,6 @@
 
 import json
 import multiprocessing
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,7 +16,6 @@ from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
 from sonarmap.tools.lab.bench.timing import interleave
-from tests.samples.places import ROOT
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -77,27 +71,6 @@ class TestPairs:
         assert (stages["prepare"]["calls"], stages["register"]["calls"]) == (2, 1)
         assert stages["register"]["seconds"] >= sum(stages[name]["own_seconds"] for name in ("rotations", "compare"))
         assert multiprocessing.active_children() == []
-
-    def test_an_interruption_ends_both_processes_and_is_reported_once(self) -> None:
-        program = "from sonarmap.tools.command.main import run; run()"
-        bench = subprocess.Popen(
-            [sys.executable, "-c", program, "bench", "--no-kernels", "--grid", "128", "--pairs", "8"],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        assert bench.stderr
-        assert bench.stdout
-        while "simulating pairs: 8 of 8" not in bench.stderr.readline():
-            assert bench.poll() is None
-        time.sleep(2)
-        os.killpg(bench.pid, signal.SIGINT)  # to parent and child, as a terminal does
-        # the pipes end when both parent and child have ended
-        assert bench.stdout.read() == ""
-        assert bench.stderr.read().endswith("stopped: nothing was written\n")
-        assert bench.wait() == 130
 
 
 class TestCommand:

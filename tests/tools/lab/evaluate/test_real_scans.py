@@ -1,7 +1,6 @@
 """Real scans, if the shared data lies beside the checkout: RGB-D fragments with truth, and sonar frames."""
 
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -129,22 +128,3 @@ def test_frames_of_an_almost_still_sonar_are_mapped_consistently(ship: Mapped) -
 def print_pairs(result: SurveyResult) -> None:
     for pair in result.pairs:
         print(f"{pair.i}, {pair.j} {pair.role}: {pair.residual:.2f} sigmas; {pair.reason}")
-
-
-def test_all_pairs_of_sonar_frames_agree_with_the_optimized_poses(ship: Mapped) -> None:
-    """Each of the 15 pairs of six frames is accepted and within 1 degree and 3 cm of the optimized poses."""
-    registrar, poses = build("spectral", choose_grid(ship.scans)), ship.poses
-    prepared = [registrar.prepare(scan) for scan in ship.scans]
-    registrations = ship.registrations
-    for i, j in set(combinations(range(6), 2)) - registrations.keys():
-        registrations[i, j] = registrar.register(prepared[i], prepared[j])
-    differences = [
-        difference(registration.T_target_source, poses[i].inv() * poses[j])
-        for (i, j), registration in registrations.items()
-    ]
-    angle, distance = np.max(differences, axis=0)
-    print(f"{len(differences)} pairs, at most {angle:.2f} degrees and {100 * distance:.1f} cm from the mean chain")
-    assert all(registration.accepted for registration in registrations.values())
-    assert len(differences) == 15
-    assert angle < 1
-    assert distance < 0.03

@@ -70,18 +70,6 @@ def test_a_frame_turned_by_yaw_keeps_the_drawn_tilt_and_turns_about_z():
         assert_allclose(frame.R_target_sensor(0.3, 0.0).apply((0, 0, 1)), (0, 0, 1), atol=1e-12)
 
 
-def test_turns_are_uniform_over_all_rotations():
-    drawn = [draw_turn("any", STEEP, np.random.default_rng(seed)) for seed in range(3000)]
-    matrices = np.array([frame.R.as_matrix() for frame in drawn])
-    assert_allclose(matrices.mean(axis=0), 0.0, atol=0.05)
-    # each entry of a uniform rotation has the variance 1/3; the mean angle is pi / 2 + 2 / pi
-    assert_allclose(matrices.var(axis=0), 1 / 3, atol=0.03)
-    angles = [frame.R.magnitude() for frame in drawn]
-    assert_allclose(np.mean(angles), np.pi / 2 + 2 / np.pi, atol=0.05)
-    turned = np.sort([frame.about_z for frame in drawn])
-    assert_allclose(turned, np.linspace(-np.pi, np.pi, 3000), atol=0.15)
-
-
 def test_a_turned_frame_does_not_change_ranges_and_noise():
     """Beams measure the same; only the frame of the source's points differs."""
     noise = Noise(sigma2=0.3, outliers=0.03, dropouts=0.2, ghosts=0.02, speckle=1.0)

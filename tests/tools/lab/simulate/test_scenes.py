@@ -5,10 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bridge import bridge_layout
 from sonarmap.tools.lab.simulate.scenes.pool import LENGTH, WIDTH, pool_layout
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
-from sonarmap.tools.lab.simulate.scenes.ship import ship_layout
 from sonarmap.tools.lab.simulate.scenes.solids import box, merge, tube
 from sonarmap.tools.lab.simulate.sensing.overlap import in_view, shared_view
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, cast
@@ -52,38 +50,6 @@ def test_a_pool_has_the_depths_of_its_layout_and_nothing_is_outside_it(seed: int
         points = around.apply(SENSORS["sonar3d15"].directions()[seen] * echoes.ranges[seen][:, None])
         under = points[points[:, 2] < 0]
         assert (np.abs(under) <= (LENGTH / 2 + 1e-6, WIDTH / 2 + 1e-6, 4.06)).all()
-
-
-@pytest.mark.parametrize("seed", [5])
-def test_a_ship_lies_as_in_its_layout(seed: int):
-    layout, scene = ship_layout(seed), build_scene("ship", seed)
-    turn = Rotation.from_euler("z", layout.heading)
-    marks = np.array([(0.0, 0, -0.5 * layout.draft), (0.3 * layout.length, 0, -1), (0, 0, -layout.draft - 3.0)])
-    beside = np.array([(0.0, 0.6 * layout.beam, -2.0), (0.6 * layout.length, 0, -2.0)])
-    placed = turn.apply(np.concatenate([marks, beside])) + np.array((*layout.middle, 0.0))
-    assert scene.is_solid(placed).tolist() == [True, True, False, False, False]
-    # the bar keel is the lowest thing amidships
-    up = np.array([[0.0, 0.0, 1.0]])
-    ranges, _ = scene.intersect(placed[2:3], up)
-    assert_allclose(ranges, 3.0 - 0.35, atol=1e-6)
-
-
-@pytest.mark.parametrize("seed", [5])
-def test_a_bridges_piers_stand_along_its_axis_and_its_openings_are_clear(seed: int):
-    layout, scene = bridge_layout(seed), build_scene("bridge", seed)
-    underside = layout.deck[0]
-    middles = np.array([(pier.x, pier.y, -4.0) for pier in layout.piers])
-    assert scene.is_solid(middles).all()
-    assert_allclose(np.diff(middles[:, 0]) / np.diff(middles[:, 1]), -np.tan(layout.skew))
-    # beside the ends of a pier's straight part there is water
-    beside = [(0, side * (pier.width / 2 + pier.footing + 2.6), 0) for pier in layout.piers for side in (-1, 1)]
-    assert not scene.is_solid(np.repeat(middles, 2, axis=0) + beside).any()
-    for opening in layout.openings[:2]:
-        places = np.array([(layout.axis_x(opening) + step, opening, -2.0) for step in np.linspace(-30, 30, 61)])
-        assert not scene.is_solid(places).any()
-        ranges, _ = scene.intersect(places[30:31], -DOWN)
-        assert ranges[0] >= underside + 2.0 - 1e-6
-        assert np.isclose(ranges[0], underside + 2.0, atol=2.0)
 
 
 def test_a_shared_view_is_in_both_fans_and_not_hidden():
