@@ -6,13 +6,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.simulate.random_pairs import random_pair
-
-FEW = ("hemisphere", "icp")
 
 
 @cache
@@ -36,8 +32,3 @@ def put(folder: Path, names: tuple[str, str] = ("0.npy", "cloud_bin_1.ply")) -> 
             write_ply(folder / name, scan.points)
     (folder / "gt.log").write_text(gt_log(0, 1, T))
     return folder
-
-
-def asked(folder: Path, device: Device | None = None, **changes: object) -> Request:
-    given = {"grid": 32, "method": FEW, "folder": folder, **changes}
-    return Request(device, **given)

@@ -10,7 +10,6 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.extras import load_package
 from sonarmap.tools.lab.baselines.points import thin
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.simulate.random_pairs import random_pair
@@ -116,16 +115,6 @@ def test_another_place_is_refused_without_output_on_stdout(name: str, capfd: pyt
     assert capfd.readouterr().out == ""
     assert not found.accepted
     assert "wanted at least" in found.reason
-
-
-def test_a_missing_package_is_named() -> None:
-    with pytest.raises(InputError, match=r"the method kiss needs the package no-such-thing.*sonarmap\[peers\]"):
-        load_package("no_such_thing", "no-such-thing", "the method kiss", "peers")
-
-
-def test_an_unknown_method_is_refused() -> None:
-    with pytest.raises(InputError, match="no method is called 'ipc'; wanted one of spectral, hemisphere, icp"):
-        build("ipc", GRID)
 
 
 def test_normals_point_to_the_side_of_the_sensor() -> None:

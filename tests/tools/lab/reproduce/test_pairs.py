@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.lab.reproduce.experiments import Request, create
 from sonarmap.tools.lab.reproduce.kinds import NAVIGATION, PRIORS, navigation_cells, navigation_covariance
-from sonarmap.tools.lab.reproduce.pairs import related
 from sonarmap.tools.lab.reproduce.registrations import refused
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 
@@ -75,14 +73,6 @@ class TestNavigation:
 
 
 class TestPairs:
-    def test_the_truth_aligns_the_shared_points(self) -> None:
-        pair = related(4, 3, "any", 32)
-        assert pair is not None
-        assert pair.truth is not None
-        tree = KDTree(pair.target.points)
-        assert np.median(tree.query(pair.truth.apply(pair.source.points))[0]) < pair.grid.voxel
-        assert tree.query(pair.source.points)[0].mean() > 3 * pair.grid.voxel
-
     def test_jobs_do_not_depend_on_the_number_of_pairs(self) -> None:
         few, many = (create("pairs", Request(set=("overlap",), pairs=n, method=("icp",))).jobs for n in (6, 20))
         assert set(few) < set(many)

@@ -1,16 +1,13 @@
-"""Real scans in folders: sets of pairs, their digests, refused folders, and rows."""
+"""Real scans in folders: sets of pairs, their digests, and refused folders."""
 
 import shutil
 from pathlib import Path
 
 import numpy as np
-import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
-from sonarmap.kernels.device.device import Device
-from sonarmap.tools.lab.reproduce.experiments import create
 from sonarmap.tools.lab.reproduce.real import read_sets, without_truth
-from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
+from tests.samples.experiments.real_folders import gt_log, put, simulated
 from tests.samples.refusals import refuses
 
 
@@ -61,21 +58,3 @@ class TestSets:
         (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2]))
         shutil.copy(folder / "0.npy", folder / "old_1.npy")
         refuses(r"names of 2 scans end in it: cloud_bin_1\.ply and old_1\.npy; move one", read_sets, folder)
-
-
-class TestRuns:
-    @pytest.mark.slow
-    def test_a_registration_is_right_by_the_truth_and_wrong_by_a_turned_truth(
-        self, tmp_path: Path, device: Device
-    ) -> None:
-        folder = put(tmp_path / "quay")
-        rows = []
-        for degrees in (0, 20):
-            turn = RigidTransform.from_rotation(Rotation.from_euler("Z", degrees, degrees=True))
-            (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2] * turn))
-            experiment = create("real", asked(folder, device, method=("icp",), voxel=2.0))
-            (job,) = experiment.jobs
-            rows.append(experiment.run(job).rows[0])
-        assert [row["right"] for row in rows] == [True, False]
-        assert abs(float(rows[1]["rotation_deg"]) - 20) < 3
-        assert [row["voxel_m"] for row in rows] == [2.0, 2.0]

@@ -71,14 +71,6 @@ def _wall_shot() -> Shot:
     return Shot(observer, view, QUIET, np.random.default_rng(0), np.random.default_rng(0), "target")
 
 
-def test_a_wall_leans_for_a_sensor_that_moves_ahead():
-    """At 0.8 m/s over 0.5 s: the lowest row, measured first, from 0.2 m farther off, the highest from 0.2 m nearer."""
-    shot = _wall_shot()
-    scan = single_view.scan_in_motion(shot, single_view.Motion(np.array((0.8, 0.3, 0.0)), np.zeros(3), 0.5))
-    ahead = scan.points.reshape(FEW.rows, FEW.columns, 3)[..., 0]
-    assert_allclose(ahead, np.broadcast_to(10.0 - np.linspace(-0.2, 0.2, FEW.rows)[:, None], ahead.shape), atol=1e-4)
-
-
 def test_points_lie_on_the_wall_from_the_poses_at_their_times():
     """Also with lost beams."""
     shot = replace(_wall_shot(), noise=Noise(dropouts=0.4))
