@@ -223,12 +223,9 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks, as with SONARMAP_DEBUG=1.")] = False,
     config: ConfigOption = None,
 ) -> None:
     """Noisy 3D sonar scans in, a consistent map out."""
-    if debug:
-        os.environ["SONARMAP_DEBUG"] = "1"
     use_settings(context, config)
 
 
