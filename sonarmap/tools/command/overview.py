@@ -141,7 +141,7 @@ def overview_of(
     return overview
 
 
-def overview_json(overview: Overview, following: str | None, names: bool) -> dict[str, Any]:
+def overview_json(overview: Overview, following: str | None) -> dict[str, Any]:
     """The overview as JSON; null for unknown values."""
     clock, grid = overview.clock, overview.grid
     return {
@@ -166,7 +166,6 @@ def overview_json(overview: Overview, following: str | None, names: bool) -> dic
         "notes": overview.notes,
         "unread": overview.unread,
         "next": following,
-        **({"names": overview.names} if names else {}),
     }
 
 

@@ -14,7 +14,7 @@ from sonarmap.tools.command.method import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.navigation import NavigationReading
 from sonarmap.tools.command.option import OUTPUT, JsonOption, QuietOption, given
 from sonarmap.tools.command.survey import InputsArgument, PointReading
-from sonarmap.tools.command.terminal import growing_progress, print_json, printable, say, warn
+from sonarmap.tools.command.terminal import growing_progress, print_json, say, warn
 
 INCOMPLETE = 3
 
@@ -23,12 +23,10 @@ def command(
     inputs: InputsArgument,
     points: PointReading,
     reading: NavigationReading,
-    names: Annotated[bool, OUTPUT.switch("--names", "Print only the names of all scans, as in priors.")] = False,
     grid: GridOption = None,
     template: Annotated[
         Path | None, OUTPUT.value("FILE", "Write a CSV table of the scans for --priors, to be filled in.", "--template")
     ] = None,
-    plot: Annotated[Path | None, OUTPUT.value("FILE", "Plot a log as PNG.", "--plot")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -56,10 +54,10 @@ def command(
     if is_log(path := Path(inputs[0])):
         if template is not None:
             raise InputError(f"--template {template} is for scans, and {path} is a log of navigation")
-        if not _inspect_log(path, inputs[1:], points, reading, plot, as_json, quiet):
+        if not _inspect_log(path, inputs[1:], points, reading, as_json, quiet):
             raise typer.Exit(INCOMPLETE)
         return
-    for flag, value in (*given(reading).items(), *([("plot", plot)] if plot else [])):
+    for flag, value in given(reading).items():
         raise InputError(f"--{flag.replace('_', '-')} {value} needs a log of navigation; give one as the first INPUT")
     with growing_progress("reading", quiet or as_json) as step:
         overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)
@@ -71,13 +69,9 @@ def command(
     words = ["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"]
     following = " ".join(words) if len(overview.names) > 1 else None
     if as_json:
-        print_json(overview_json(overview, following, names))
-    elif names:
-        for name in overview.names:
-            typer.echo(printable(name))
+        print_json(overview_json(overview, following))
     else:
         print_overview(overview, following)
-    if not as_json:
         for note in overview.notes:
             say(note)
     for reason in overview.unread:
@@ -91,7 +85,6 @@ def _inspect_log(
     scans: list[str],
     points: PointReading,
     reading: NavigationReading,
-    plot: Path | None,
     as_json: bool,
     quiet: bool,
 ) -> bool:
@@ -111,10 +104,6 @@ def _inspect_log(
     overview = log_overview(path, settings, stamps)
     options = [f"--{name.replace('_', '-')} {shlex.quote(_plain(value))}" for name, value in given(reading).items()]
     following = _next_command(str(path), scans, options)
-    if plot is not None:
-        from sonarmap.tools.products.report.pictures import log_figure, write_png
-
-        write_png(log_figure(overview), plot)
     if as_json:
         print_json(log_json(overview, following))
     else:

@@ -1,4 +1,4 @@
-"""Pictures as PNG files: a map from above with its track, and a navigation log."""
+"""Pictures as PNG files: a map from above with its track."""
 
 import warnings
 from collections.abc import Sequence
@@ -15,8 +15,6 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo import EAST, VERTICALS, Georeference
-from sonarmap.tools.files.readers.navigation.log import KINDS
-from sonarmap.tools.files.readers.navigation.overview import LogOverview
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.report.provenance import plain_text, survey_date, survey_name
 
@@ -155,71 +153,6 @@ def _unmeasured(result: SurveyResult, c: int) -> tuple[str, ...] | None:
         return None
     free = graph.gauge.unmeasured.get(members[0], np.zeros(len(MEASURED), dtype=bool))
     return tuple(name for name, unknown in zip(MEASURED, free, strict=True) if unknown)
-
-
-_A4 = 11.7, 8.3  # landscape [in]
-_GOOD, _WRONG = "#0072B2", "#D55E00"
-_SERIES = {"roll": [0], "pitch": [1], "heading": [2], "depth": [5]}
-_UNITS = {"roll": "roll [°]", "pitch": "pitch [°]", "heading": "heading [°]", "depth": "depth [m]"}
-_OUTSIDE = 0.5  # largest distance of a shown wrong position from the others, as a share of their extent
-
-
-def log_figure(found: LogOverview) -> "Figure":
-    """Figure with the track on the left and the measurements over time on the right."""
-    from matplotlib.figure import Figure
-
-    shown = [name for name, columns in _SERIES.items() if np.isfinite(found.log.values[:, columns]).any()]
-    figure = Figure(figsize=_A4, dpi=_DPI)
-    grid = figure.add_gridspec(
-        max(1, len(shown)), 2, width_ratios=(1.2, 1.0), left=0.07, right=0.98, top=0.9, hspace=0.15
-    )
-    left = f", {len(found.faults):,} left out" if found.faults else ""
-    figure.suptitle(f"{found.path.name}: {len(found.log.lines):,} rows{left}", fontsize=15, weight="bold")
-    _draw_places(figure.add_subplot(grid[:, 0]), found)
-    times = found.log.times if found.clock else np.arange(len(found.log.times), dtype=np.float64)
-    times = times - np.nanmin(times)
-    first = None
-    for row, name in enumerate(shown):
-        axes = figure.add_subplot(grid[row, 1], sharex=first)
-        first = first or axes
-        _draw_series(axes, found, times, name)
-        axes.tick_params(labelbottom=row == len(shown) - 1)
-    if shown:
-        figure.axes[-1].set_xlabel("time from the first row [s]" if found.clock else "row")
-    return figure
-
-
-def _draw_places(axes: "Axes", found: LogOverview) -> None:
-    good, given = found.usable.values[:, KINDS["position"]], found.log.values[:, KINDS["position"]]
-    known = np.isfinite(good).all(axis=1)
-    axes.set_xlabel("East [m]")
-    axes.set_ylabel("North [m]")
-    axes.grid(color="0.6", alpha=0.35, linewidth=0.6)
-    if not known.any():
-        axes.text(0.5, 0.5, "no places", transform=axes.transAxes, ha="center")
-        return
-    axes.plot(*good[known].T, color=_GOOD, linewidth=1.2, marker=".", markersize=3, label="places")
-    axes.plot(*good[known][0], "o", color=_GOOD, markersize=9, fillstyle="none", label="start")
-    low, high = good[known].min(axis=0), good[known].max(axis=0)
-    room = _OUTSIDE * max(float((high - low).max()), 1.0)
-    wrong = given[~known & np.isfinite(given).all(axis=1)]
-    near = ((wrong >= low - room) & (wrong <= high + room)).all(axis=1)
-    if len(wrong):
-        far = f", {(~near).sum()} of them beyond the picture" if not near.all() else ""
-        axes.plot(*wrong[near].T, "x", color=_WRONG, label=f"{len(wrong)} left out{far}")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(loc="best", fontsize=9)
-
-
-def _draw_series(axes: "Axes", found: LogOverview, times: np.ndarray, name: str) -> None:
-    good, given = (log.values[:, _SERIES[name]][:, 0] for log in (found.usable, found.log))
-    axes.plot(times, good, ".", color=_GOOD, markersize=2)
-    wrong = np.isnan(good) & np.isfinite(given)
-    axes.plot(times[wrong], given[wrong], "x", color=_WRONG)
-    axes.set_ylabel(_UNITS[name])
-    axes.grid(color="0.6", alpha=0.35, linewidth=0.6)
-    if name == "depth":
-        axes.invert_yaxis()
 
 
 def write_png(figure: "Figure", path: Path) -> None:
