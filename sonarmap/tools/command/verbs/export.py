@@ -1,6 +1,5 @@
 """`sonarmap export`: a map in formats of other programs; `sonarmap view`: its report in the browser."""
 
-import re
 import webbrowser
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,27 +14,6 @@ from sonarmap.tools.command.terminal import print_json, printable
 from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import HEIGHTS
 
-_RANGE = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?", re.ASCII)
-_MOST_SCANS = 1_000_000  # in --scan-numbers
-
-
-def _check_scans(text: str | None) -> str | None:
-    if text is not None:
-        _numbers_of(text)
-    return text
-
-
-def _numbers_of(text: str) -> tuple[int, ...]:
-    """The numbers in a list such as 3,7-12."""
-    numbers: set[int] = set()
-    for piece in text.split(","):
-        match = _RANGE.fullmatch(piece.strip())
-        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-        if not first <= last < first + _MOST_SCANS:
-            raise typer.BadParameter(f"{text!r}; wanted numbers of scans from 0 and ranges of them, as 3,7-12")
-        numbers.update(range(first, last + 1))
-    return tuple(sorted(numbers))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedFiles:
@@ -49,9 +27,6 @@ class ExportedFiles:
         "Points in laz, copc, e57 and xyz: map (one for each voxel of the map) or all (every point of every scan, "
         "from the scans that the map was made of).",
         ("map", "all"),
-    )
-    scan_numbers: str | None = OUTPUT.option(
-        "NUMBERS", "Export every point of these scans, e.g. 3,7-12.", callback=_check_scans, rare=True
     )
     scans_from: list[str] = OUTPUT.option(
         "PATH", "Where the scans are now; may be repeated.", [], shown="where `map` read them", rare=True
@@ -69,19 +44,17 @@ def command(
 
     Every file gets a FILE.json that describes it: frame, datum, CRS, vertical reference, signs, versions, settings, and
     SHA-256 of the file and of the scans. Either all files are written or none. Without --origin the map lies where
-    navigation placed it. Points of scans (--points all, --scan-numbers) are read from the scans again.
+    navigation placed it. Points of scans (--points all) are read from the scans again.
     """
     from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.products.export.run import ExportSettings
 
-    scans = None if files.scan_numbers is None else _numbers_of(files.scan_numbers)
     settings = ExportSettings(
         formats=tuple(files.format),
         crs=earth.crs,
         cell=files.cell,
         height=files.height,
         of_scans=files.points == "all",
-        scans=scans,
         scans_from=tuple(files.scans_from),
     )
     with locked(source, writing=files.out.resolve() == source.resolve()):

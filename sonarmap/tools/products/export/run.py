@@ -109,9 +109,7 @@ def check_settings(
 def _require_fitting(settings: ExportSettings) -> None:
     fitting = [name for name, form in FORMATS.items() if form.of_points]
     if (settings.of_scans or settings.scans is not None) and not set(fitting) & set(settings.formats):
-        raise InputError(
-            f"--points and --scan-numbers have no effect without a format of points ({', '.join(fitting)})"
-        )
+        raise InputError(f"points of scans need a format of points; give one of {', '.join(fitting)}")
     other = [name for name in settings.needing_place if FORMATS[name].coordinates == "projected"]
     if settings.crs == MAP_FRAME and other:
         raise InputError(f"--crs map is not for {other[0]}, which is on the Earth; leave one of them out")

@@ -87,7 +87,7 @@ def test_formats_of_an_origin(origin: str, height: float) -> None:
         (("--format", "laz", *ORIGIN, "--vertical", "LAT"), "vertical reference"),
         (("--format", "laz", *ORIGIN, "--crs", "EPSG:4326"), "--crs"),
         (("--format", "geotiff", *ORIGIN, "--cell", "0"), "above 0"),
-        (("--format", "csv", *ORIGIN, "--points", "all"), "without a format of points (laz"),
+        (("--format", "csv", *ORIGIN, "--points", "all"), "need a format of points; give one of laz"),
         (("--format", "geotiff,gpkg", *ORIGIN, "--crs", "map"), "gpkg, which is on the Earth"),
         (("--format", "laz", *ORIGIN, "--points", "all"), "does not say where the map's scans are"),
     ],

@@ -191,15 +191,14 @@ def same_as_fused(folder: Map, points: np.ndarray) -> bool:
 
 
 def test_chosen_scans_are_exported_in_the_map_frame(survey: Path, tmp_path: Path) -> None:
-    chosen = ("--scan-numbers", "1,3-3", "--crs", "map")
-    done(sonarmap("export", survey / "map", "-o", tmp_path, "--format", "xyz", *chosen))
+    folder = read_map_folder(survey / "map")
+    export_map(folder, tmp_path, ExportSettings(("xyz",), crs="map", scans=(1, 3)))
     table = np.loadtxt(tmp_path / "points.xyz", comments="/")
     points, scans = expected(survey)
     np.testing.assert_allclose(table[:, :3], points[np.isin(scans, [1, 3])], rtol=0, atol=1e-4)
     assert set(table[:, 4]) == {1, 3}
-    refused(
-        sonarmap("export", survey / "map", "-o", tmp_path, "--format", "xyz", "--scan-numbers", "9"), "have no points"
-    )
+    with pytest.raises(InputError, match="have no points"):
+        export_map(folder, tmp_path, ExportSettings(("xyz",), crs="map", scans=(9,)))
 
 
 @pytest.mark.parametrize("change", ["gone", "longer", "fewer"])
