@@ -1,13 +1,12 @@
-"""Printed results of `sonarmap map`: a summary on one screen, tables of pairs and control points, ties."""
+"""Printed results of `sonarmap map`: a summary on one screen, warnings, ties and control points."""
 
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,18 +14,13 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.tools.command.failures import as_options
-from sonarmap.tools.command.terminal import number_table, print_json, printable, result_console, warn
+from sonarmap.tools.command.terminal import print_json, printable, result_console, warn
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from sonarmap.slam.graph.control import MeasuredControl
-    from sonarmap.slam.pair import Pair
     from sonarmap.slam.survey_result import SurveyResult
 
-MOST_WARNINGS = 3  # --verbose shows all
+MOST_WARNINGS = 3  # summary.json has all
 MOST_OF_A_KIND = 5  # warnings of one kind
-MOST_FILES = 12  # names of files on a terminal
 _LABELS = 9  # columns of the rows' labels
 
 
@@ -39,7 +33,6 @@ class Mapped:
     out: Path
     unread: int  # number of scans that could not be read, which `names` lacks
     on_earth: bool = False  # whether the map's place on the Earth is known
-    made_of_it: list[str] = field(default_factory=list[str])  # files written after the map: its report, and exports
     # rows of the summary about lines of pings: label and text
     of_lines: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
 
@@ -54,14 +47,12 @@ class Mapped:
         return trusted and not self.unread and not defects and len(self.result.components) == 1
 
 
-def print_mapped(mapped: Mapped, seconds: float, verbose: bool) -> None:
-    """Print a survey's summary, the warnings about it, the next commands, and the files."""
-    if verbose:
-        print_pairs(mapped.result, mapped.names)
+def print_mapped(mapped: Mapped, seconds: float) -> None:
+    """Print a survey's summary, the warnings about it, the next commands, and the folder."""
     _print_rows([*_outcome(mapped), ("time", str(timedelta(seconds=round(seconds))))])
     print_hand(mapped.result, mapped.names)
-    warn_of_faults(mapped, verbose)
-    _print_rows([("next", _next_steps(mapped)), ("files", f"{printable(str(mapped.out))}: {_files(mapped)}")])
+    warn_of_faults(mapped)
+    _print_rows([("next", _next_steps(mapped)), ("files", printable(str(mapped.out)))])
 
 
 def print_summary(out: Path) -> None:
@@ -80,17 +71,16 @@ def written_summary(out: Path) -> str:
         raise InputError(f"cannot read {out / SUMMARY}: {reason}; it was removed. Run the command again") from error
 
 
-def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
-    """Print the warnings about a map, the most important first: all of them, or those that fit a screen."""
+def warn_of_faults(mapped: Mapped) -> None:
+    """Print the most important warnings about a map, as many as fit a screen."""
     from sonarmap.tools.files.readers.csv_table import SUMMARY
     from sonarmap.tools.products.output.faults import faults
 
     sentences = [as_options(fault) for fault in faults(mapped.result, mapped.names)]
-    shown = sentences if verbose else sentences[:MOST_WARNINGS]
-    for fault in shown:
+    for fault in sentences[:MOST_WARNINGS]:
         warn(fault)
-    if more := len(sentences) - len(shown):
-        warn(f"{more} more: {mapped.out / SUMMARY} (warnings), or --verbose")
+    if more := len(sentences[MOST_WARNINGS:]):
+        warn(f"{more} more: {mapped.out / SUMMARY} (warnings)")
 
 
 def warn_of_some(messages: Sequence[str]) -> None:
@@ -214,7 +204,7 @@ def _next_steps(mapped: Mapped) -> str:
     out = quote(printable(str(mapped.out)))
     steps = (
         [f"sonarmap view {out}    (the map in 3D, with its loops and uncertainty)"]
-        if REPORT in mapped.made_of_it
+        if (mapped.out / REPORT).exists()
         else []
     )
     if len(mapped.result.components) == 1:
@@ -225,105 +215,17 @@ def _next_steps(mapped: Mapped) -> str:
     return "\n".join(steps)
 
 
-def _files(mapped: Mapped) -> str:
-    """Names of the written files; on a terminal the first of them."""
-    from sonarmap.tools.files.map_folder.names import JOURNAL, OF_ALL, TIMES
-    from sonarmap.tools.products.output.folder import part_files
-
-    parts = len(placed(mapped.result.components))
-    names = [*part_files(mapped.result, 1), *mapped.made_of_it, *OF_ALL, TIMES, JOURNAL]
-    shown = names[:MOST_FILES] if result_console().is_terminal else names
-    listed = ", ".join(shown) + (f" and {len(names) - len(shown)} more" if len(names) > len(shown) else "")
-    last = f" to map_{parts}.ply" if parts > 2 else ""
-    return listed + (f"; the other parts are in map_2.ply{last} and so on" if parts > 1 else "")
-
-
-PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
-SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"
-_NUMBERS = ("peak", "overlap", "yaw", "distance", "sigmas", "seconds")
-LISTED = 20  # points in the table; summary.json lists all
-
-
-def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
-    """Print the table of pairs, the reasons of the refused ones, and chi-squared before and after optimizing."""
-    console = result_console()
-    console.print(_table(result.pairs, names))
-    refused = [pair for pair in result.pairs if not pair.kept]
-    for pair in refused:
-        console.print(f"{_label(pair, names)}: {printable(as_options(pair.reason))}", markup=False)
-    if any(pair.registration and math.isfinite(pair.registration.psr) for pair in result.pairs):
-        typer.echo(PEAK_EXPLAINED)
-    typer.echo(SIGMAS_EXPLAINED)
-    solution = result.solution
-    typer.echo(
-        f"chi-squared {solution.chi_squared_before:.4g} before and {solution.chi_squared_after:.4g} after optimizing, "
-        f"for {solution.degrees_of_freedom} degrees of freedom"
-    )
-
-
-def _table(pairs: "Sequence[Pair]", names: Sequence[str]) -> "Table":
-    from rich.text import Text
-
-    table = number_table("pair", "role", "", *_NUMBERS, words=3)
-    table.collapse_padding = table.columns[1].no_wrap = table.columns[2].no_wrap = True
-    for pair in pairs:
-        verdict = Text("kept", "green") if pair.kept else Text("rejected", "red")
-        table.add_row(Text(_label(pair, names)), pair.role, verdict, *_numbers(pair))
-    return table
-
-
-def _label(pair: "Pair", names: Sequence[str]) -> str:
-    return printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n")
-
-
-def _numbers(pair: "Pair") -> Sequence[str]:
-    """Numbers of a pair, as `_NUMBERS`; "" for a pair that could not be registered."""
-    if pair.registration is None:
-        return [""] * len(_NUMBERS)
-    registration, T = pair.registration, pair.registration.T_target_source
-    return [
-        f"{registration.psr:.0f}" if math.isfinite(registration.psr) else "",
-        f"{registration.overlap:.0%}",
-        f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
-        f"{float((T.translation**2).sum() ** 0.5):.2f} m",
-        f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
-        f"{registration.seconds:.2f}",
-    ]
-
-
 def print_hand(result: "SurveyResult", names: Sequence[str]) -> None:
-    """Print the effects of ties and the residuals of control points, if there are any."""
+    """Print the effects of ties, and how far control points are from the map, if there are any."""
     from sonarmap.tools.products.output.pairs_file import control_fit, has_no_effect, tie_effect
 
     for tie in result.ties:
         if not has_no_effect(result, tie):
             pair = printable(f"{names[tie.i]} - {names[tie.j]}")
             typer.echo(f"tie {pair}: {as_options(tie_effect(result, tie))}")
-    if fit := control_fit(result, names):
-        _print_control(result, names, fit)
-
-
-def _print_control(result: "SurveyResult", names: Sequence[str], fit: Mapping[str, Any]) -> None:
-    """Print the points with the largest residuals, and the residuals of all by use."""
-    table = number_table("point", "scan", "use", "East m", "North m", "Up m", "length m", "sigmas", words=2)
-    table.columns[2].justify = "left"
-    ranked = sorted(range(len(result.control)), key=lambda k: -result.control[k].in_sigmas)
-    worst = sorted(ranked[:LISTED])
-    for k in worst:
-        table.add_row(*_cells(result.control[k], names))
-    typer.echo("residuals of control and check points, the map less the known coordinates:")
-    result_console().print(table)
-    if len(result.control) > len(worst):
-        typer.echo(f"the {len(worst)} worst of {len(result.control)}; summary.json lists all")
+    fit = control_fit(result, names) or {}
     uses = {"control": "control points, which the map is fitted to", "check": "check points, which are only compared"}
     for use, what in uses.items():
-        if (row := fit[use])["points"]:
+        if (row := fit.get(use)) and row["points"]:
             residuals = f"{row['rms_m']:.3f} m root mean square, {row['largest_m']:.3f} m at most"
             typer.echo(f"{what}: {row['points']}, residuals {residuals}")
-
-
-def _cells(each: "MeasuredControl", names: Sequence[str]) -> list[str]:
-    use = "left out" if each.left_out else each.point.use if each.in_world else f"{each.point.use}, not placed"
-    residual = each.residual.tolist()
-    numbers = [*(f"{value:+.3f}" for value in residual), f"{math.hypot(*residual):.3f}", f"{each.in_sigmas:.1f}"]
-    return [printable(each.point.name), printable(names[each.point.scan]), use, *numbers]

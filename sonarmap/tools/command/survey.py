@@ -310,7 +310,6 @@ def give_back(
     """Write the lines as the map corrects them: navigation, soundings, their agreement, and a patch test."""
     from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.slam.pings.crossings import crossings
-    from sonarmap.tools.files.map_folder.names import OF_LINES
     from sonarmap.tools.products.output.lines import moved_lines, write_lines
 
     with stage("lines", quiet):
@@ -322,7 +321,6 @@ def give_back(
         with suppress(InputError):  # raised for one line, or lines that hardly overlap
             test = estimate_biases([line.before for line in lines])
         write_lines(mapped.out, lines, georeference, crs, (before, after), test)
-    mapped.made_of_it.extend(OF_LINES)
     mapped.of_lines.extend(_rows(lines, before, after, test))
 
 

@@ -1,4 +1,4 @@
-"""Warnings after mapping, progress bars, and the table of pairs."""
+"""Warnings after mapping, and progress bars."""
 
 import re
 from dataclasses import replace
@@ -140,9 +140,7 @@ def test_only_the_three_most_important_warnings_are_shown(capsys: pytest.Capture
     warn_of_faults(mapped)
     shown = capsys.readouterr().err.splitlines()
     assert shown[:3] == [f"warning: {sentence}" for sentence in messages[:3]]
-    assert shown[3] == f"warning: 1 more: {tmp_path / 'summary.json'} (warnings), or --verbose"
-    warn_of_faults(mapped, verbose=True)
-    assert capsys.readouterr().err.splitlines() == [f"warning: {sentence}" for sentence in messages]
+    assert shown[3] == f"warning: 1 more: {tmp_path / 'summary.json'} (warnings)"
 
 
 def test_the_track_length_excludes_the_step_between_surveys() -> None:
@@ -252,13 +250,3 @@ def test_a_terminal_shows_that_the_map_is_incomplete(scans: Path) -> None:
     words = " ".join(line.strip() for line in shown.lines)
     assert "warning: 1 of 5 scans is in no map" in words
     assert "next      sonarmap view out " in words
-    assert "report.html" in words
-
-
-@pytest.mark.slow
-def test_the_table_of_pairs_is_not_truncated_at_80_columns(scans: Path) -> None:
-    shown = on_screen(SONARMAP, "map", "scans", "-o", "out", *GRID, "--verbose", columns=80, rows=80, folder=scans)
-    head = next(k for k, line in enumerate(shown.lines) if line.startswith("pair "))
-    assert {"role", "peak", "overlap", "distance", "sigmas"} <= set(shown.lines[head].split())
-    assert shown.lines[head + 1].startswith("a - b")
-    assert "…" not in "".join(shown.lines[head : head + 5])

@@ -135,7 +135,7 @@ def command(
         map_verb.command(
             mapped, output, method, known, points, odometry, reading, survey,
             TiesAndControl(), earth, ExecutionOptions(), imu=imu, check_priors=True, patch_test=False,
-            as_json=as_json, verbose=False, quiet=quiet,
+            as_json=as_json, quiet=quiet,
         )  # fmt: skip
 
     _make_map(finish, output, earth, mapped)

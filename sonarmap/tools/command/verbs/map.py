@@ -35,7 +35,7 @@ from sonarmap.tools.command.navigation import (
     scans_with_priors,
     with_mistake,
 )
-from sonarmap.tools.command.option import NAVIGATION, RUNNING, JsonOption, QuietOption, given, refuse_without
+from sonarmap.tools.command.option import NAVIGATION, JsonOption, QuietOption, given, refuse_without
 from sonarmap.tools.command.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.survey import (
     ExecutionOptions,
@@ -95,7 +95,6 @@ class Reporting:
 
     start: float  # by the monotonic clock [s]
     as_json: bool
-    verbose: bool
     quiet: bool
 
     @property
@@ -129,7 +128,6 @@ def command(
         rare=True,
     ),
     as_json: JsonOption = False,
-    verbose: bool = RUNNING.flag("--verbose -v", "Print the table of pairs and all warnings too."),
     quiet: QuietOption = False,
 ) -> None:
     """Make a map from scans: register pairs, close loops, optimize poses, fuse points.
@@ -153,7 +151,7 @@ def command(
     from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
     from sonarmap.tools.files.readers.pings.line_file import way_within
 
-    reporting = Reporting(time.monotonic(), as_json, verbose, quiet)
+    reporting = Reporting(time.monotonic(), as_json, quiet)
     mapper, method = survey.mapper_settings(method)
     require_effect(method, bool(priors.priors))
     files = given(priors) | given(odometry) | given(person)
@@ -231,10 +229,10 @@ def _map_and_report(
             _write_report_and_exports(mapped, output.report, exports, reporting.silent)
         finally:  # the map exists, even if its report or export failed
             if not reporting.as_json:
-                print_mapped(mapped, time.monotonic() - reporting.start, reporting.verbose)
+                print_mapped(mapped, time.monotonic() - reporting.start)
     if reporting.as_json:
         print_summary(output.out)
-        warn_of_faults(mapped, reporting.verbose)
+        warn_of_faults(mapped)
     return mapped.whole
 
 
@@ -310,7 +308,6 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
 def _write_report_and_exports(mapped: Mapped, report: bool, exports: "ExportSettings", quiet: bool) -> None:
     """Write the report and the exports of a finished map."""
     from sonarmap.tools.files.map_folder.folder import read_map_folder
-    from sonarmap.tools.files.map_folder.names import REPORT
     from sonarmap.tools.products.report.page import write_report
 
     out = mapped.out
@@ -319,7 +316,5 @@ def _write_report_and_exports(mapped: Mapped, report: bool, exports: "ExportSett
         if report:
             with stage("report", quiet):
                 write_report(read_map_folder(out))
-            mapped.made_of_it.append(REPORT)
         if exports.formats:
-            exported = export_with_progress(read_map_folder(out), out, exports, quiet)
-            mapped.made_of_it.extend(path.name for path in exported.files)
+            export_with_progress(read_map_folder(out), out, exports, quiet)

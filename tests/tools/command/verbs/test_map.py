@@ -139,12 +139,11 @@ def test_an_earlier_map_is_not_used_as_a_scan(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_scans_of_two_places_give_two_maps_with_their_exports(tmp_path: Path) -> None:
     paths, out = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2)), tmp_path / "out"
-    result = sonarmap("map", *paths, "-o", out, *GRID, "--export", "mcap,g2o", "-v")
+    result = sonarmap("map", *paths, "-o", out, *GRID, "--export", "mcap,g2o")
     assert result.exit_code == 3
     names = ["map.mcap", "map_2.mcap", "graph.csv"]
     second = ["map_2.ply", "map_all_2.ply", "map_2.png", "trajectory_2.tum"]
     assert set(files_in(out)) == RESULTS | {*names, *(f"{name}.json" for name in names), *second}
-    assert all(name in result.stdout for name in names)
     tried = [(int(row["target"]), int(row["source"])) for row in table_of(out / "pairs.csv") if row["kept"] == "yes"]
     assert not any(i < 2 <= j for i, j in tried)
     summary = strict_json((out / "summary.json").read_text())
