@@ -14,7 +14,6 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module, metadata
-from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
@@ -76,7 +75,6 @@ def examine(folder: Path, quick: bool) -> Iterator[Finding]:
     """Yield the findings one by one. `folder` is the folder for results; `quick` loads no library and runs no
     self-test."""
     yield _checked("libraries", lambda: _required(load=not quick))
-    yield _checked("optional", _optional)
     yield (opencl := _checked("OpenCL", lambda: _opencl(test=not quick)))
     yield _checked("memory", lambda: _memory(opencl.details.get("plan")))
     yield _checked("disk", lambda: _disk(folder))
@@ -123,16 +121,6 @@ def _required(load: bool) -> Finding:
         remedies.append(Remedy("reinstall what cannot be loaded:", _pip("--force-reinstall", "--no-deps", *again)))
         remedies.append(Remedy("a missing system library (.so) is one of those that tools/setup.sh installs"))
     return Finding("wrong", "\n".join(seen), tuple(remedies), details)
-
-
-def _optional() -> Finding:
-    """List the libraries of the extras that are not installed."""
-    from sonarmap.tools.extras import EXTRA_OF
-
-    missing = {module: extra for module, extra in EXTRA_OF.items() if find_spec(module) is None}
-    words = ", ".join(f"{module} [{extra}]" for module, extra in missing.items())
-    seen = f"not installed [extra that has it]: {words}" if missing else "all are installed"
-    return Finding("ok", seen, details={"missing": missing})
 
 
 def _load_faults(modules: list[str]) -> dict[str, str]:

@@ -19,7 +19,7 @@ from sonarmap.tools.files.memory import available_memory, memory_limits
 from tests.samples.clutter_scans import scan, write
 from tests.samples.places import ROOT
 
-CHECKS = ["libraries", "optional", "OpenCL", "memory", "disk"]
+CHECKS = ["libraries", "OpenCL", "memory", "disk"]
 COMMAND = [sys.executable, "-c", "from sonarmap.tools.command.start import start; start()"]
 
 
@@ -69,8 +69,7 @@ class TestHealthy:
         used = next(device for device in checks["OpenCL"]["details"]["devices"] if device["selector"] == chosen)
         assert used["self_test"] == "passed"
         assert checks["libraries"]["details"]["cannot be loaded"] == {}
-        grid = checks["memory"]["details"]["largest grid"]
-        assert next(need["pair"] for need in listed["grids"] if need["grid"] == grid) < 2**40
+        assert checks["memory"]["details"]["largest grid"] >= 16
 
 
 class TestBroken:

@@ -9,9 +9,7 @@ import typer
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.tools.command.failures import MISUSE
 from sonarmap.tools.command.option import RUNNING, DeviceOption, JsonOption
-from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say
-
-_SHOWN = 32  # grids whose edge is a multiple of this are shown
+from sonarmap.tools.command.terminal import print_json, print_result, say
 
 
 def command(
@@ -23,7 +21,7 @@ def command(
 
     Each driver is loaded in a process of its own, and each device is tried with a small kernel. A GPU is used only
     after its self-test, run before its first use: transforms, voxels, peaks and a small registration are compared with
-    the processor's results. A table shows how much device memory each grid needs.
+    the processor's results.
 
     The exit code is 2 if no device works.
     """
@@ -39,38 +37,17 @@ def command(
     devices = [asdict(info) for info in known_devices()]  # again, as choosing may have tested more
     if as_json:
         entries = [entry | {"works": not entry["fault"]} for entry in devices]
-        print_json({"chosen": chosen, "devices": entries, "grids": _needs()}, indent=2)
+        print_json({"chosen": chosen, "devices": entries}, indent=2)
     else:
         for entry in devices:
             print_result(device_line(entry, chosen))
         if chosen:
             say(f"{chosen} (*) would be used; --device or PYOPENCL_CTX selects another")
-        _print_needs()
     if fault and as_json:  # stdout has the printed object already
         say(str(fault), "error: ", "bold red")
         raise typer.Exit(MISUSE)
     if fault:
         raise fault
-
-
-def _needs() -> list[dict[str, int]]:
-    """Memory that the default method needs on each grid [bytes]."""
-    from sonarmap.kernels.fft.edges import EDGES
-    from sonarmap.spectral.memory import POINTS, memory_plan
-
-    plans = [memory_plan(edge) for edge in EDGES]
-    return [
-        {"grid": plan.edge, "points": POINTS, "pair": plan.pair, "scan": plan.scan, "largest": plan.largest}
-        for plan in plans
-    ]
-
-
-def _print_needs() -> None:
-    table = number_table("grid", "a pair needs", "each more prepared scan", "largest array", words=1)
-    for need in _needs():
-        if need["grid"] % _SHOWN == 0:
-            table.add_row(f"{need['grid']}^3", *(f"{need[key] / 2**20:.0f} MiB" for key in ("pair", "scan", "largest")))
-    result_console().print(table)
 
 
 def doctor(
