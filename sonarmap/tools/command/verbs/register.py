@@ -142,51 +142,15 @@ def _hypothesis(registration: "Registration") -> dict[str, object]:
     }
 
 
-# words for values above and below 0 along the axes of the target's sensor (x forward, y left, z up)
-_PLACES = (("forward", "back"), ("left", "right"), ("up", "down"))
-# and for right-handed rotations about z, y and x
-_TURNS = (("to the left (yaw)", "to the right (yaw)"), ("nose down (pitch)", "nose up (pitch)"))
-_TURNS += (("right side down (roll)", "left side down (roll)"),)
-_LEAST_M, _LEAST_DEG = 0.0005, 0.005  # smaller values would be printed as 0
-
-
 def print_registration(registration: "Registration", method: ConfiguredMethod) -> None:
-    """Print the verdict, the transform, its standard deviations, and the evidence."""
-    from rich.text import Text
-
+    """Print the verdict, the transform as a matrix and in numbers, its standard deviations, and the evidence."""
     typer.echo(_verdict(registration))
     console = result_console()
-    console.print(Text(transform_words(registration.T_target_source)))
-    console.print()
     console.print("T_target_source, p_target = T p_source \\[m]:")
     for row in registration.T_target_source.as_matrix().tolist():
         console.print("".join(f"{value + 0.0:13.6f}" for value in row))
     console.print()
     print_rows(_rows(registration, method))
-
-
-def transform_words(T_target_source: "RigidTransform") -> str:
-    """A sentence about the source's sensor seen from the target's, as "3.212 m forward and 0.021 m down". p_target = T
-    p_source [m], both frames x forward, y left, z up."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: with pitch ±90° yaw and roll are one rotation
-        turns = T_target_source.rotation.as_euler("ZYX", degrees=True)
-    places = _named(T_target_source.translation.tolist(), _PLACES, "{:.3f} m", _LEAST_M)
-    angles = _named(turns.tolist(), _TURNS, "{:.2f}°", _LEAST_DEG)
-    total = math.degrees(float(T_target_source.rotation.magnitude()))
-    place = places or "where the target's is"
-    turn = f"is turned {angles}, {total:.2f}° in all" if angles else "looks the same way"
-    return f"Seen from the target's sensor, the source's is {place}; it {turn}."
-
-
-def _named(values: list[float], words: tuple[tuple[str, str], ...], number: str, least: float) -> str:
-    """The values with their directions, "3.21 m forward and 0.40 m left", without those that would be printed as 0."""
-    named = [
-        f"{number.format(abs(value))} {more if value > 0 else less}"
-        for value, (more, less) in zip(values, words, strict=True)
-        if abs(value) >= least
-    ]
-    return " and ".join([", ".join(named[:-1]), named[-1]] if len(named) > 1 else named)
 
 
 def _verdict(registration: "Registration") -> str:
@@ -201,10 +165,16 @@ def _rows(registration: "Registration", method: ConfiguredMethod) -> dict[str, s
     """The evidence for and against the transform, by name."""
     from sonarmap.slam.graph.tangent import worst_sigmas
 
-    rotation, translation = worst_sigmas(registration.covariance)
+    T, (rotation, translation) = registration.T_target_source, worst_sigmas(registration.covariance)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: with pitch ±90° yaw and roll are one rotation
+        yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True).tolist()
+    x, y, z = T.translation.tolist()
     cube = f"{method.edge} x {method.edge} x {method.edge} " if method.edge else ""
     return {
         "because": as_options(registration.reason),
+        "shift": f"x {x:.3f} m forward, y {y:.3f} m left, z {z:.3f} m up, from the target's sensor to the source's",
+        "turn": f"yaw {yaw:.2f}° left, pitch {pitch:.2f}° nose down, roll {roll:.2f}° right side down",
         **_others(registration),
         "sigmas": f"{translation:.3f} m and {math.degrees(rotation):.2f}° in the worst direction",
         "overlap": f"{registration.overlap:.0%} of the points lie close to a point of the other scan",
