@@ -1,7 +1,7 @@
 """The files of a comparison, all or none: changed regions as JSON, table and picture, and every core point."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.tables import write_json, write_table
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Region, Verdict
-from sonarmap.tools.products.export.clouds import las_header
 from sonarmap.tools.products.export.geotiff import NODATA
 from sonarmap.tools.products.export.grid import check_size
 from sonarmap.tools.products.report.pictures import write_png
@@ -31,12 +30,6 @@ _LISTED = 12  # largest number of regions labeled with their volume
 PREFIX = "changes"  # of the files' names
 _COLUMNS = ("number", "kind", "area_m2", "height_m", "volume_m3", "volume_sigma_m3", "core_points", "x_m", "y_m", "z_m")
 _WORLD = ("easting_m", "northing_m")
-_DIMENSIONS = {  # extra dimensions of LAZ: type, and description of at most 31 letters
-    "distance": ("f4", "along the normal [m], gained +"),
-    "level": ("f4", "level of detection at 95 % [m]"),
-    "verdict": ("u1", "0 unchanged 1 gained 2 lost ..."),
-    "region": ("u2", "number of its region, 0 for none"),
-}
 
 
 def changes_figure(comparison: Comparison) -> "Figure":
@@ -112,7 +105,6 @@ def write_comparison(
         _write_regions(out / f"{PREFIX}.csv", regions, place)
         write_png(changes_figure(comparison), out / f"{PREFIX}.png")
         if world is not None and place is not None:
-            _write_laz(out / f"{PREFIX}.laz", world, columns, place[1])
             _write_geotiff(out / f"{PREFIX}.tif", world, distances, place[1])
         files = [path.name for _, path in written] + [f"{PREFIX}.json"]
         write_json(out / f"{PREFIX}.json", {**comparison.as_json, "files": files})
@@ -149,20 +141,6 @@ def _write_regions(path: Path, regions: Sequence[Region], place: tuple[Georefere
         texts = [f"{value:z.3f}" for value in numbers], [f"{value:z.3f}" for value in where]
         rows.append([number, fields["kind"], *texts[0], len(region.members), *texts[1]])
     write_table(path, (*_COLUMNS, *(_WORLD if place else ())), rows)
-
-
-def _write_laz(path: Path, world: np.ndarray, columns: Mapping[str, np.ndarray], projection: Projection) -> None:
-    """Write every core point as LAS 1.4, to the millimeter, with its distance, level, verdict and region."""
-    import laspy
-
-    header = las_header(projection, world.min(axis=0), _DIMENSIONS, timed=False)
-    las = laspy.LasData(header)
-    las.points = laspy.ScaleAwarePointRecord.zeros(len(world), header=header)
-    las.x, las.y, las.z = world.T
-    for name in _DIMENSIONS:
-        las[name] = columns[name]
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        las.write(file, do_compress=True)
 
 
 def _write_geotiff(path: Path, world: np.ndarray, distances: Distances, projection: Projection) -> None:
