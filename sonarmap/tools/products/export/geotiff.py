@@ -1,5 +1,5 @@
 """GeoTIFF: the map from above, north up in projected coordinates, or in the map's frame. KMZ for Google Earth and
-similar programs: a map's track, its start and end, and pictures on the ground.
+similar programs: a map's track, its start and end, and a picture on the ground.
 
 A KMZ is clamped to the ground, at sea the water's surface: Google Earth's sea floor is coarse and would hide a map at
 its true height. The coordinates contain the heights nevertheless.
@@ -7,7 +7,7 @@ its true height. The coordinates contain the heights nevertheless.
 
 import re
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
@@ -148,11 +148,11 @@ def _qgis_style(grid: MapGrid) -> bytes:
     return xml_bytes("qgis", {**style, "pipe": {"rasterrenderer": renderer}})
 
 
-KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
+KML = "http://www.opengis.net/kml/2.2"
 _CLAMPED = {"altitudeMode": "clampToGround"}
 _TRACK_COLOR = "ff2727d6"  # alpha, blue, green, red
 _NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_LEGEND = "files/legend.png"  # in a KMZ
+_MAP, _LEGEND = "files/map.png", "files/legend.png"  # in a KMZ
 _LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
     name: {"@x": x, "@y": y, "@xunits": "fraction", "@yunits": "fraction"}
     for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
@@ -167,17 +167,16 @@ class Picture:
     """A georeferenced PNG."""
 
     png: bytes
-    box: dict[str, float]  # north, south, east, west [deg]; west is less than east
+    box: dict[str, float]  # north, south, east, west [deg]
 
 
 def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
-    """Write the track of a part, with times if the scans have them, the map from above as a picture on the ground, and
-    a legend, as KML 2.2 in a zip archive; return the side-car's details."""
-    pictures = [(f"files/map_{number}.png", picture) for number, picture in enumerate(pictures_of(earth), 1)]
-    # readers expect the document first
-    contents = [("doc.kml", _document(earth, pictures)), *((name, picture.png) for name, picture in pictures)]
+    """Write the track of a part, the map from above as a picture on the ground, and a legend, as KML 2.2 in a zip
+    archive; return the side-car's details."""
+    picture = picture_of(earth)
+    contents = [("doc.kml", _document(earth, picture)), (_MAP, picture.png), (_LEGEND, legend_of(earth))]
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
-        for name, content in (*contents, (_LEGEND, legend_of(earth))):
+        for name, content in contents:  # readers expect the document first
             entry = zipfile.ZipInfo(name)
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
@@ -188,8 +187,8 @@ def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     }
 
 
-def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]]) -> bytes:
-    """The KML document in UTF-8; `pictures` are those of the map, with their paths in the archive."""
+def _document(earth: Georeferenced, picture: Picture) -> bytes:
+    """The KML document in UTF-8."""
     part, track = earth.part, {"tessellate": "1", **_CLAMPED}
     track["coordinates"] = "\n".join(_coordinate(place, ",") for place in earth.poses)
     ends = [_place(earth, "start", 0), _place(earth, "end", -1)]
@@ -203,11 +202,11 @@ def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]]) -> 
         ),
         "LookAt": _look_at(earth),
         "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
-        "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
+        "GroundOverlay": _overlay(picture),
         "ScreenOverlay": {"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE},
-        "Placemark": [line, *_timed_track(earth), *ends],
+        "Placemark": [line, *ends],
     }
-    return xml_bytes("kml", {"@xmlns": KML, "@xmlns:gx": GX, "Document": document})
+    return xml_bytes("kml", {"@xmlns": KML, "Document": document})
 
 
 def xml_bytes(tag: str, content: Mapping[str, Any]) -> bytes:
@@ -245,22 +244,9 @@ def _look_at(earth: Georeferenced) -> dict[str, str]:
     return place | {"range": f"{1.5 * max(extent, _NARROWEST):.0f}"} | _CLAMPED
 
 
-def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
+def _overlay(picture: Picture) -> dict[str, Any]:
     box = {side: f"{degrees:.10f}" for side, degrees in picture.box.items()}
-    name = "map" if number == 1 else f"map, piece {number}"
-    return {"name": name, "Icon": {"href": href}, **_CLAMPED, "LatLonBox": box}
-
-
-def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:
-    """The track with times for the time slider, in order of time; empty if the scans have none."""
-    if not earth.timed:
-        return []
-    track = {
-        **_CLAMPED,
-        "when": [utc_text(stamp) for stamp in earth.stamps[earth.in_time].tolist()],
-        "gx:coord": [_coordinate(place, " ") for place in earth.poses[earth.in_time]],
-    }
-    return [{"name": "track with times", "styleUrl": "#track", "gx:Track": track}]
+    return {"name": "map", "Icon": {"href": _MAP}, **_CLAMPED, "LatLonBox": box}
 
 
 def _place(earth: Georeferenced, name: str, k: int) -> dict[str, Any]:
@@ -277,36 +263,30 @@ def _coordinate(place: np.ndarray, separator: str) -> str:
     return separator.join((f"{longitude:.10f}", f"{latitude:.10f}", f"{height:.4f}"))
 
 
-def pictures_of(earth: Georeferenced) -> list[Picture]:
-    """The map from above, colored by height, transparent where there are no points: one picture, or two across the
-    180th meridian. Pixels have the heights of the GeoTIFF's cells."""
+def picture_of(earth: Georeferenced) -> Picture:
+    """The map from above, colored by height, transparent where there are no points. Pixels have the heights of the
+    GeoTIFF's cells; longitudes beyond 180 degrees continue."""
     from matplotlib import colormaps
 
     latitude, longitude, _ = earth.points.T
     middle = earth.georeference.longitude
     longitude = middle + (longitude - middle + 180) % 360 - 180  # without the jump at 180 degrees
-    across = _DEGREE * np.cos(np.radians(np.abs(latitude).min()))
-    extents = np.ptp(latitude) * _DEGREE, np.ptp(longitude) * across
+    degree = _DEGREE * np.cos(np.radians(np.abs(latitude).min()))  # of longitude [m]
+    extents = np.ptp(latitude) * _DEGREE, np.ptp(longitude) * degree
     cell = max(earth.cell_m, *(extent / _LARGEST for extent in extents))
-    # a whole number of columns around the Earth, so that 180 degrees is the edge of a column
-    around, down = round(360 * across / cell), cell / _DEGREE
+    across, down = cell / degree, cell / _DEGREE
     row = np.floor((90 - latitude) / down).astype(np.int64)
-    column = np.floor((longitude + 180) / 360 * around).astype(np.int64)
+    column = np.floor((longitude + 360) / across).astype(np.int64)
+    upper, left = int(row.min()), int(column.min())
+    cells = earth.cells(row - upper, column - left)
+    rows, columns = int(cells.row.max()) + 1, int(cells.column.max()) + 1
     low, high = earth.shown_heights
-    pictures: list[Picture] = []
-    for turn in np.unique(column // around).tolist():
-        here = column // around == turn
-        upper, left = int(row[here].min()), int(column[here].min())
-        cells = earth.cells(row[here] - upper, column[here] - left, here)
-        rows, width = int(cells.row.max()) + 1, int(cells.column.max()) + 1
-        colors = np.zeros((rows, width, 4), np.uint8)
-        shares = np.clip((cells.height - low) / (high - low), 0, 1)
-        colors[cells.row, cells.column] = colormaps[HEIGHT_COLORS](shares, bytes=True)
-        box = {"north": 90 - upper * down, "south": 90 - (upper + rows) * down}
-        for side, edge in (("east", left + width), ("west", left)):
-            box[side] = -180 + 360 * (edge - turn * around) / around
-        pictures.append(Picture(_png(colors), box))
-    return pictures
+    colors = np.zeros((rows, columns, 4), np.uint8)
+    shares = np.clip((cells.height - low) / (high - low), 0, 1)
+    colors[cells.row, cells.column] = colormaps[HEIGHT_COLORS](shares, bytes=True)
+    box = {"north": 90 - upper * down, "south": 90 - (upper + rows) * down}
+    box |= {"east": (left + columns) * across - 360, "west": left * across - 360}
+    return Picture(_png(colors), box)
 
 
 def legend_of(earth: Georeferenced) -> bytes:

@@ -7,7 +7,7 @@ a line of names: https://eiva.freshdesk.com/support/solutions/articles/430005294
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, pairwise
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
@@ -100,41 +100,20 @@ def _loops(earth: Georeferenced) -> Iterator[Feature]:
 def write_geojson(path: Path, earth: Georeferenced) -> None:
     """Write a FeatureCollection (RFC 7946) of longitude, latitude [deg, WGS84] and height [m].
 
-    Lines are cut at the 180th meridian (section 3.1.9). Against the RFC, heights count from `height_reference`, not
-    always the WGS84 ellipsoid. The property `layer` is a name of LAYERS."""
+    Against the RFC, longitudes of a line continue beyond the 180th meridian, and heights count from `height_reference`,
+    not always the WGS84 ellipsoid. The property `layer` is a name of LAYERS."""
     features = [_feature(each, earth.poses[each.scans][:, [1, 0, 2]]) for each in features_of(earth)]
     write_json(path, {"type": "FeatureCollection", "features": features})
 
 
 def _feature(feature: Feature, places: np.ndarray) -> dict[str, Any]:
     """A feature through points (k, 3) of longitude, latitude, height."""
-    # 1e-10 degrees are 0.01 mm
-    pieces = [[[round(x, 10), round(y, 10), round(z, 5)] for x, y, z in piece.tolist()] for piece in cut_at_180(places)]
-    geometry: dict[str, Any] = {"type": "MultiLineString", "coordinates": pieces}
-    if len(places) == 1:
-        geometry = {"type": "Point", "coordinates": pieces[0][0]}
-    elif len(pieces) == 1:
-        geometry = {"type": "LineString", "coordinates": pieces[0]}
+    places = np.column_stack([np.unwrap(places[:, 0], period=360.0), places[:, 1:]])
+    points = [[round(x, 10), round(y, 10), round(z, 5)] for x, y, z in places.tolist()]  # 1e-10 degrees are 0.01 mm
+    geometry: dict[str, Any] = {"type": "LineString", "coordinates": points}
+    if len(points) == 1:
+        geometry = {"type": "Point", "coordinates": points[0]}
     return {"type": "Feature", "geometry": geometry, "properties": {"layer": feature.layer} | feature.attributes}
-
-
-def cut_at_180(line: np.ndarray) -> list[np.ndarray]:
-    """The pieces (k, 3) of a line (n, 3) of longitude, latitude, height, each on one side of the 180th meridian."""
-    pieces: list[np.ndarray] = []
-    start: list[np.ndarray] = []
-    for here, there in pairwise(line):
-        start.append(here)
-        step = there[0] - here[0]
-        if abs(step) <= 180:
-            continue
-        side = np.copysign(180.0, here[0])
-        rest = step + 2 * side  # 0 if both ends lie on the meridian, one at -180 and one at 180 degrees
-        share = (side - here[0]) / rest if rest else 0.0
-        border = here + share * (there - here)
-        pieces.append(np.array([*start, [side, *border[1:]]]))
-        start = [np.array([-side, *border[1:]])]
-    pieces.append(np.array([*start, line[-1]]))
-    return pieces
 
 
 def write_geopackage(path: Path, earth: Georeferenced) -> None:

@@ -12,7 +12,6 @@ from pyogrio.raw import read
 
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
-from sonarmap.tools.products.export.geotiff import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from tests.samples.clutter_scans import table_of
 from tests.tools.products.export.finished import finished_map
@@ -53,9 +52,8 @@ def test_positions_and_times_agree_in_all_files(exported: tuple[Path, Map]) -> N
     np.testing.assert_allclose(points, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-5)
     root = ElementTree.fromstring(zipfile.ZipFile(out / "map.kmz").read("doc.kml"))
     (line,) = (element.text or "" for element in root.iterfind(".//{*}LineString/{*}coordinates"))
-    track = [[float(x) for x in (element.text or "").split()] for element in root.iter(f"{{{GX}}}coord")]
-    for places in (track, [[float(x) for x in row.split(",")] for row in line.split()]):
-        np.testing.assert_allclose(places, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-4)
+    places = [[float(x) for x in row.split(",")] for row in line.split()]
+    np.testing.assert_allclose(places, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-4)
     ends = [element.text for element in root.iterfind(".//{*}Point/{*}coordinates")]
     assert ends == [line.split()[0], line.split()[-1]]
     fixes = positions(out)

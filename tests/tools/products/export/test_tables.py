@@ -22,7 +22,6 @@ from sonarmap.tools.files.writers.poses import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track import (
     COLUMNS,
-    cut_at_180,
     write_eiva_attitude,
     write_eiva_position,
     write_geojson,
@@ -188,23 +187,10 @@ def test_geojson_has_the_track_and_the_loops(tmp_path: Path) -> None:
     assert refused["properties"] == expected | {"layer": "loops"}
 
 
-def test_lines_are_cut_at_180_degrees(tmp_path: Path) -> None:
-    layers = features_in(tmp_path, dive("180 east"))
-    for feature, count in ((layers["track"][0], 8), (layers["loops"][0], 4)):
-        assert feature["geometry"]["type"] == "MultiLineString"
-        west, east = feature["geometry"]["coordinates"]
-        assert len(west) + len(east) == count
-        assert (west[-1][0], east[0][0], west[-1][1:]) == (180, -180, east[0][1:])
-        assert max(x for x, _, _ in east) < 0 < min(x for x, _, _ in west)
-
-
-def test_a_cut_lies_where_the_line_crosses() -> None:
-    """By hand: a third along the line."""
-    west, east = cut_at_180(np.array([[-179.9, 10.0, 3.0], [179.8, 13.0, 6.0]]))
-    np.testing.assert_allclose(west, [[-179.9, 10, 3], [-180, 11, 4]])
-    np.testing.assert_allclose(east, [[180, 11, 4], [179.8, 13, 6]])
-    two = cut_at_180(np.array([[180.0, 1.0, 0.0], [-180.0, 2.0, 0.0], [-179.0, 3.0, 0.0]]))
-    assert all(np.isfinite(piece).all() for piece in two)
+def test_lines_continue_beyond_180_degrees(tmp_path: Path) -> None:
+    track = features_in(tmp_path, dive("180 east"))["track"][0]["geometry"]["coordinates"]
+    assert min(x for x, _, _ in track) > 179.99
+    assert 180 < max(x for x, _, _ in track) < 180.01
 
 
 def test_each_survey_has_its_track(tmp_path: Path) -> None:
