@@ -28,7 +28,7 @@ _PLAIN: dict[Any, Callable[[Any], object]] = {Integral: int, Real: float, bool: 
 _MAX_INTEGER = 2**63 - 1
 _MAX_COLUMNS = 32  # an array of three rows and more columns is taken to be transposed
 _MAX_MEDIAN = 2000.0  # largest median coordinate of points in meters [m]: 3D sonars see a few hundred meters at most
-_OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)|`repairs`")
+_OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)")
 # Option -> argument of the same meaning, where the names differ.
 _ARGUMENT_OF = {
     **{"grid": "edge", "mount": "T_vehicle_sensor", "prior_sigmas": "sigmas", "origin_heading": "origin"},
@@ -225,8 +225,6 @@ def as_arguments(message: str, known: Container[str]) -> str:
     --crs and --nav-crs. Other options become arguments of `read_scans`, or stay options of the command."""
 
     def named(option: "re.Match[str]") -> str:
-        if option[1] is None:
-            return "`sonarmap optimize --repair`"
         name = option[1].replace("-", "_")
         name = _ARGUMENT_OF.get(name, name)
         if name in known:

@@ -138,9 +138,8 @@ OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "alignment": "--align",
     "count": "--scans",
     "edge": "--grid",
-    "repairs": "--repair",
 }
-FLAGS = {"--fresh", "--repair"}  # options without a value
+FLAGS = {"--fresh"}  # options without a value
 
 _ARGUMENT = re.compile(r"`(\w+)(?:=([^`]*))?`")
 

@@ -105,7 +105,6 @@ POSE_FILES = {
     "kitti": Readable("poses.kitti", (" ".join(_ROWS.split()[:12]) + "\n").encode() * 2, read_kitti),
     "gt.log": Readable("gt.log", f"0 1 3\n{_ROWS}\n1 2 3\n{_ROWS}\n".encode(), read_gt_log),
     "g2o": Readable("graph.g2o", _G2O.encode(), read_g2o),
-    "g2o repaired": Readable("graph.g2o", _G2O.encode(), lambda path: read_g2o(path, [])),
     "graph.json": Readable("graph.json", json.dumps(_GRAPH).encode(), read_graph_json),
     "summary.json": Readable("summary.json", json.dumps(_SUMMARY).encode(), _summary),
     "pairs.csv": Readable("pairs.csv", _PAIRS.encode(), lambda path: read_pairs(path, 2)),

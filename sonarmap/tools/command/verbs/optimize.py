@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 NOT_CONVERGED = 3
 STARTS = ("chordal", "given")
-MOST_REPAIRED, MOST_REJECTED = 10, 20  # edges listed by the warnings and by the table
+MOST_REJECTED = 20  # edges listed by the table
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
 
 
@@ -32,11 +32,6 @@ def command(
         STARTS,
     ),
     robust: bool = OPTIMIZATION.flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o."),
-    repair: bool = OPTIMIZATION.flag(
-        "--repair",
-        "Make all information matrices positive definite: eigenvalues below a millionth of the largest are raised to "
-        "it. Warnings name the edges, and OUT.g2o has the repaired matrices.",
-    ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -48,7 +43,7 @@ def command(
     import numpy as np
 
     from sonarmap.slam.optimize.solve import optimize, without_effect
-    from sonarmap.tools.files.readers.g2o import Repair, read_g2o, require_connected
+    from sonarmap.tools.files.readers.g2o import read_g2o, require_connected
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.poses import rewrite_g2o
 
@@ -56,8 +51,7 @@ def command(
         raise InputError(f"{out} is also the input; choose another name for the output")
     start_time = time.perf_counter()
     with progress("optimizing", 3, quiet or as_json) as advance:
-        repairs: list[Repair] = []
-        graph = read_g2o(source, repairs if repair else None)
+        graph = read_g2o(source)
         require_connected(source, graph)
         require_writable(out.parent)
         seconds = {"read": time.perf_counter() - start_time}
@@ -66,16 +60,10 @@ def command(
         advance("optimized")
         report: dict[str, Any] = optimized.to_json()
         rejected = set(np.flatnonzero(~optimized.accepted).tolist())
-        changed = {each.edge: graph.edges[each.edge] for each in repairs}
-        rewrite_g2o(out, source, optimized.graph.trajectory, rejected, changed)
-        report["repaired"] = [each.words for each in repairs]
+        rewrite_g2o(out, source, optimized.graph.trajectory, rejected)
         advance("written")
     report["seconds"] = seconds | optimized.seconds | {"total": time.perf_counter() - start_time}
     print_json(report) if as_json else _print(report, robust, out)
-    for each in repairs[:MOST_REPAIRED]:
-        warn(f"repaired: {each.words}")
-    if len(repairs) > MOST_REPAIRED:
-        warn(f"{counted(len(repairs), 'edge')} repaired; --json lists all")
     if warning := without_effect(optimized):
         warn(as_options(warning))
     if not optimized.converged:

@@ -11,7 +11,6 @@ does not define which is meant.
 """
 
 from collections import defaultdict
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -37,29 +36,14 @@ TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # permutes g2o's order of axes 
 _POSE = "x y z qx qy qz qw"
 _VERTEX_LAYOUT = f"id {_POSE}"
 _EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
-_LEAST = 1e-6  # smallest eigenvalue of a repaired information matrix, relative to its largest
-_ROUNDED = 1e-8  # an information matrix is repaired if an eigenvalue is below this times _LEAST times the largest
-_LEAST_LARGEST = 1e-20  # lower bound of the largest eigenvalue
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
 _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
 
 
-@dataclass(frozen=True, slots=True)
-class Repair:
-    """An edge whose information matrix was not positive definite and has been repaired."""
-
-    edge: int  # index of the edge in the file's order
-    words: str  # message with the line, the vertices and the change
-
-
-def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
+def read_g2o(path: Path) -> PoseGraph:
     """Read a pose graph; pose k is the vertex with the k-th smallest id, and its stamp is that id. Edges between
-    consecutive poses are "sequential", others "loop". Quaternions are normalized.
-
-    An information matrix that is not positive definite is an InputError without `repairs`. With it, eigenvalues below a
-    millionth of the largest are raised to that value, so that the edge hardly constrains these directions, and the
-    repair is appended to `repairs`.
-    """
+    consecutive poses are "sequential", others "loop". Quaternions are normalized. An information matrix that is not
+    positive definite is an InputError."""
     lines = _by_tag(path)
     if not lines[VERTEX]:
         raise InputError(f"{path} holds no {VERTEX}; a pose graph needs at least one")
@@ -74,7 +58,7 @@ def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
     index = {vertex: k for k, vertex in enumerate(ids[order].tolist())}
     return PoseGraph(
         Trajectory(ids[order].astype(np.float64), poses),
-        _edges(path, lines[EDGE], index, repairs),
+        _edges(path, lines[EDGE], index),
         _fixed(path, lines[FIX], index),
         known=_known_poses(path, lines, index),
     )
@@ -117,12 +101,10 @@ def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
     return numbers.astype(np.int64)
 
 
-def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[Repair] | None) -> tuple[Edge, ...]:
+def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, ...]:
     if not lines:
         return ()
     ends, measured, information = _measured(path, lines)
-    if repairs is not None:
-        information = _repaired(information, lines, ends, repairs)
     covariances = _covariances(path, lines, information)
     edges = []
     for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
@@ -134,24 +116,6 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[R
     return tuple(edges)
 
 
-def _repaired(information: np.ndarray, lines: list[Line], ends: np.ndarray, repairs: list[Repair]) -> np.ndarray:
-    """Information matrices (m, 6, 6), repaired where not positive definite; every repair is appended to `repairs`."""
-    values, axes = np.linalg.eigh(information)
-    least = _LEAST * np.maximum(values[:, -1:], _LEAST_LARGEST)
-    information = information.copy()
-    for k in np.flatnonzero(values[:, 0] < _ROUNDED * least[:, 0]).tolist():
-        raised = np.maximum(values[k], least[k])
-        information[k] = (axes[k] * raised) @ axes[k].T
-        i, j = ends[k].tolist()
-        count = int((values[k] < least[k]).sum())
-        words = (
-            f"line {lines[k][0]}, edge {i} {j}: {count} of the 6 eigenvalues of its information raised, the lowest "
-            f"from {values[k, 0]:.3g} to {least[k, 0]:.3g}, a millionth of the largest"
-        )
-        repairs.append(Repair(k, words))
-    return information
-
-
 def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.ndarray:
     """Covariances (m, 6, 6), rotation first, of information matrices (m, 6, 6) in the file's order."""
     try:
@@ -159,14 +123,14 @@ def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.n
         covariances = np.linalg.inv(information)
     except np.linalg.LinAlgError:  # it does not say which matrix is at fault
         for (number, _), matrix in zip(lines, information, strict=True):
-            with naming(f"{path}: line {number}", "; or use `repairs`, which does"):
+            with naming(f"{path}: line {number}"):
                 check_definite(matrix, "the information matrix")
         raise
     vague = np.flatnonzero(~(np.abs(covariances).max(axis=(1, 2)) <= LARGEST_INFORMATION))
     if len(vague):
         raise InputError(
             f"{path}: line {lines[vague[0]][0]}: its information is nearly zero in some direction (a variance "
-            f"beyond {LARGEST_INFORMATION:g}); delete the line, or use `repairs`"
+            f"beyond {LARGEST_INFORMATION:g}); delete the line"
         )
     covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
     return (covariances + covariances.transpose(0, 2, 1)) / 2

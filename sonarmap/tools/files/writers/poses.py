@@ -3,15 +3,14 @@
 TUM has a pose per line, `stamp tx ty tz qx qy qz qw`. The g2o conventions are in `readers.g2o`.
 """
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.edge import Edge, inverse_definite
+from sonarmap.slam.graph.edge import inverse_definite
 from sonarmap.slam.graph.known_pose import KnownPose
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -20,7 +19,6 @@ from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
 
 HEADER = "# stamp [s] tx ty tz [m] qx qy qz qw: T_world_sensor\n"
-_NONE: Mapping[int, Edge] = MappingProxyType({})
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
@@ -62,12 +60,10 @@ def rewrite_g2o(
     source: Path,
     trajectory: Trajectory,
     left_out: Container[int] = (),
-    repaired: Mapping[int, Edge] = _NONE,
 ) -> None:
     """Copy the g2o file `source` with new poses; all else, including comments and the digits of edges, is unchanged.
     `trajectory` has the poses of its vertices, with the vertex id as the stamp, as `read_g2o` returns them. Edges are
-    numbered from 0 in the file's order: those in `left_out` are dropped, those in `repaired` get the information of the
-    given edge."""
+    numbered from 0 in the file's order: those in `left_out` are dropped."""
     numbers = pose_numbers(trajectory.T_world_sensor).tolist()
     poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}
     lines, edges = [], 0
@@ -81,9 +77,6 @@ def rewrite_g2o(
             edges += 1
             if edges - 1 in left_out:
                 continue
-            if edges - 1 in repaired:
-                numbers = _upper(inverse_definite(repaired[edges - 1].registration.covariance))
-                line = b" ".join([*line.split()[:10], _line("", numbers).strip().encode()])
         lines.append(line + b"\n")
     with atomic_path(path) as temporary:
         temporary.write_bytes(b"".join(lines))
