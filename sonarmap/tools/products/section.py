@@ -80,37 +80,33 @@ class PlacedMap:
 
 @dataclass(frozen=True, slots=True)
 class Coordinates:
-    """Horizontal coordinates of input and output; the map's x and y [m] without a georeference."""
+    """Horizontal coordinates of input and output; the map's x and y [m] without a projection."""
 
     georeference: Georeference | None = None
-    projection: Projection | None = None  # for easting and northing [m]; None for latitude and longitude [deg]
+    projection: Projection | None = None  # for easting and northing [m]
 
     @property
     def names(self) -> str:
         """Names of the two numbers, with their unit."""
-        if self.georeference is None:
-            return "x, y [m] of the map's frame"
-        return "latitude, longitude [deg]" if self.projection is None else f"{self.projection.name} E, N [m]"
+        return "x, y [m] of the map's frame" if self.projection is None else f"{self.projection.name} E, N [m]"
 
     def to_map(self, places: np.ndarray) -> np.ndarray:
         """(N, 2) x, y [m] in the map's frame, from places (N, 2) in these coordinates."""
-        if self.georeference is None:
+        if self.georeference is None or self.projection is None:
             return places
         with_height = np.column_stack([places, np.full(len(places), self.georeference.height)])
-        geodetic = with_height if self.projection is None else self.projection.unproject(with_height)
-        return self.georeference.local(geodetic)[:, :2]
+        return self.georeference.local(self.projection.unproject(with_height))[:, :2]
 
     def of_map(self, places: np.ndarray) -> np.ndarray:
         """(N, 2) places in these coordinates, from x, y [m] (N, 2) in the map's frame: the inverse of `to_map`."""
-        if self.georeference is None:
+        if self.georeference is None or self.projection is None:
             return places
         geodetic = self.georeference.geodetic(np.column_stack([places, np.zeros(len(places))]))
-        return (geodetic if self.projection is None else self.projection.project(geodetic))[:, :2]
+        return self.projection.project(geodetic)[:, :2]
 
     def said(self, place: np.ndarray) -> str:
         """A place (2,) in words, to 1 cm."""
-        digits = 7 if self.georeference is not None and self.projection is None else 2
-        return ", ".join(f"{number:z.{digits}f}" for number in place.tolist())
+        return ", ".join(f"{number:z.2f}" for number in place.tolist())
 
 
 @dataclass(frozen=True, slots=True)

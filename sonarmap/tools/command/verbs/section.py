@@ -15,7 +15,7 @@ from sonarmap.tools.command.terminal import print_json, print_result, print_rows
 from sonarmap.tools.products.export.formats import HEIGHTS
 
 if TYPE_CHECKING:
-    from sonarmap.tools.products.section import Coordinates, PlacedMap
+    from sonarmap.tools.products.section import PlacedMap
 
 _VOXELS = 2  # default of --width
 
@@ -27,7 +27,6 @@ class Line:
     start: str = INPUT.option("X,Y", "Start of the line, in the map's frame \\[m].", REQUIRED, "--from")
     end: str = INPUT.option("X,Y", "End of the line.", REQUIRED, "--to")
     world: bool = INPUT.flag("--world", "--from and --to are easting, northing in the map's CRS or in --crs.")
-    degrees: bool = INPUT.flag("--degrees", "--from and --to are latitude, longitude, WGS84.")
     width: float | None = INPUT.length("Use points within this distance of the line, on each side \\[m].", "two voxels")
 
 
@@ -59,7 +58,7 @@ def command(
     """Cut a finished MAP along a line: a picture of distance against height, and tables of points and of a profile.
 
     NAME.csv has every point near the line, NAME_profile.csv the median in cells along it. --from and --to are x, y in
-    the map's frame, or with --world or --degrees coordinates on the Earth, if the map's place is known.
+    the map's frame, or with --world eastings and northings, if the map's place is known.
     """
     import numpy as np
 
@@ -75,11 +74,13 @@ def command(
     )
 
     check_names(files.out, source)
-    ends = np.array([_place(name, text, line.degrees) for name, text in (("--from", line.start), ("--to", line.end))])
+    ends = np.array([_place(name, text) for name, text in (("--from", line.start), ("--to", line.end))])
     placed = PlacedMap.of(open_map(source, earth))
     projection = earth.projection(placed.georeference)
     world = None if projection is None else Coordinates(placed.georeference, projection)
-    given = _given(line, world, placed)
+    if line.world and world is None:
+        raise InputError(f"--world needs the place of {placed.path} on the Earth; give --origin LAT,LON, or x,y")
+    given = world if line.world and world is not None else Coordinates()
     if not placed.upright:
         say("no instrument measured which way is up; heights are along the z axis of the map's frame")
     section = section_of(placed, given.to_map(ends), line.width or _VOXELS * placed.voxel, given)
@@ -104,31 +105,13 @@ def command(
     print_result(f"written to {files.out.parent}: {', '.join(path.name for path in written)}")
 
 
-def _place(name: str, text: str, in_degrees: bool) -> list[float]:
-    from sonarmap.tools.files.readers.csv_table import number, place_of
+def _place(name: str, text: str) -> list[float]:
+    from sonarmap.tools.files.readers.csv_table import number
 
-    numbers = place_of(text) if in_degrees else [number(part) for part in text.split(",")]
+    numbers = [number(part) for part in text.split(",")]
     if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
-        hint = "" if in_degrees else "; latitude and longitude need --degrees"
-        wanted = f"two numbers separated by a comma, as in {name}=-12.5,40{hint}"
-        raise InputError(f"{name} is {text!r}; wanted {wanted}")
+        raise InputError(f"{name} is {text!r}; wanted two numbers separated by a comma, as in {name}=-12.5,40")
     return numbers
-
-
-def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coordinates":
-    """The coordinates of --from and --to."""
-    from sonarmap.tools.products.section import Coordinates
-
-    if line.world and line.degrees:
-        raise InputError("--world and --degrees exclude one another; give the one in which --from and --to are")
-    if not (line.world or line.degrees):
-        return Coordinates()
-    if world is None:
-        name = "--world" if line.world else "--degrees"
-        raise InputError(
-            f"{name} needs the place of {placed.path} on the Earth; give --origin LAT,LON, or x,y for {name}"
-        )
-    return world if line.world else Coordinates(placed.georeference)
 
 
 @dataclass(frozen=True, slots=True)

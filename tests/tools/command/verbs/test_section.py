@@ -57,20 +57,13 @@ def test_picture_tables_and_json_match_the_map(local: Path, tmp_path: Path) -> N
         assert picture.format == "PNG"
 
 
-def test_a_line_in_map_world_or_geodetic_coordinates_gives_the_same_section(placed: Path, tmp_path: Path) -> None:
+def test_a_line_in_map_or_world_coordinates_gives_the_same_section(placed: Path, tmp_path: Path) -> None:
     geodetic = HERE.geodetic(np.array([[-4.0, -1, 0], [4, 2, 0]]))
     projected = Projection.of(HERE).project(geodetic)
     plain = printed(sonarmap("section", placed, *LINE, "-o", tmp_path / "a.csv", "--json"))
-    for flag, (start, end) in (("--degrees", geodetic[:, :2]), ("--world", projected[:, :2])):
-        ends = [f"--{name}={x!r},{y!r}" for name, (x, y) in (("from", start.tolist()), ("to", end.tolist()))]
-        other = printed(sonarmap("section", placed, *ends, flag, "-o", tmp_path / "b.csv", "--json"))
-        assert (other["points"], other["heights"]) == (plain["points"], plain["heights"])
-        assert other["length_m"] == pytest.approx(plain["length_m"], abs=1e-4)
-    minutes = [
-        f"--{name}={int(lat)} {lat % 1 * 60!r} N, {int(lon)}°{lon % 1 * 60!r}'E"
-        for name, (lat, lon) in (("from", geodetic[0, :2].tolist()), ("to", geodetic[1, :2].tolist()))
-    ]
-    other = printed(sonarmap("section", placed, *minutes, "--degrees", "-o", tmp_path / "c.csv", "--json"))
+    ends = [f"--{name}={x!r},{y!r}" for name, (x, y) in zip(("from", "to"), projected[:, :2].tolist(), strict=True)]
+    other = printed(sonarmap("section", placed, *ends, "--world", "-o", tmp_path / "b.csv", "--json"))
+    assert (other["points"], other["heights"]) == (plain["points"], plain["heights"])
     assert other["length_m"] == pytest.approx(plain["length_m"], abs=1e-4)
     rows = table_of(tmp_path / "b.csv")
     where = HERE.geodetic(np.array([[float(rows[0]["x_m"]), float(rows[0]["y_m"]), 0]]))
