@@ -6,21 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.option import OPTIMIZATION, OUTPUT, REQUIRED, JsonOption, QuietOption
-from sonarmap.tools.command.terminal import print_json, print_result, print_rows, progress, result_console, warn
+from sonarmap.tools.command.terminal import print_json, print_result, print_rows, progress, warn
 
 if TYPE_CHECKING:
     from sonarmap.slam.optimize.solve import Start
 
 NOT_CONVERGED = 3
 STARTS = ("chordal", "given")
-MOST_REJECTED = 20  # edges listed by the table
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
 
 
@@ -74,8 +71,6 @@ def command(
 def _print(report: dict[str, Any], robust: bool, out: Path) -> None:
     """Print the report of --json in words; `robust`: wrong edges were rejected."""
     rejected = [loop for loop in report["loops"] if loop["verdict"] == "rejected"]
-    if rejected:
-        _print_rejected(rejected)
     print_result(verdict(report, robust))
     print_rows(_rows(report, rejected if robust else None))
     print_result(f"written to {out}")
@@ -100,28 +95,11 @@ def verdict(report: dict[str, Any], robust: bool) -> str:
 
 def _rows(report: dict[str, Any], rejected: list[dict[str, Any]] | None) -> dict[str, str]:
     loops = sum(loop["kind"] == "loop" for loop in report["loops"])
+    left_out = f"{counted(len(rejected), 'edge')}, left out; --json lists them" if rejected else "no edge"
     return {
         "graph": f"{report['poses']:,} poses, {report['edges']:,} edges, {loops:,} of them loops",
-        **(
-            {}
-            if rejected is None
-            else {"rejected": f"{counted(len(rejected), 'edge')}, left out" if rejected else "no edge"}
-        ),
+        **({} if rejected is None else {"rejected": left_out}),
         "chi-squared": f"{report['chi_squared_before']:.6g} before, {report['chi_squared_after']:.9g} after "
         f"{report['iterations']} iterations from the {report['start']} start; {report['degrees_of_freedom']} degrees "
         "of freedom",
     }
-
-
-def _print_rejected(rejected: list[dict[str, Any]]) -> None:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("rejected edge", no_wrap=True)
-    table.add_column("kind", no_wrap=True)
-    table.add_column("sigmas", justify="right", no_wrap=True)
-    table.add_column("reason")
-    for loop in sorted(rejected, key=lambda loop: -loop["sigmas"])[:MOST_REJECTED]:
-        table.add_row(f"{loop['i']} - {loop['j']}", loop["kind"], f"{loop['sigmas']:,.1f}", Text(loop["reason"]))
-    result_console().print(table)
-    if len(rejected) > MOST_REJECTED:
-        print_result(f"and {len(rejected) - MOST_REJECTED} more; --json lists all")
-    print_result("")

@@ -17,7 +17,6 @@ from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.products.output.pairs_file import has_no_effect, is_contradicted, tie_effect
 
-UNMOVED = 0.001  # smallest shift of a pose that counts as a change [voxels]
 _SURE = 0.8  # probability that all uncertain steps are right, from which they need no warning
 LISTED = 10  # largest number of scan names in a sentence
 FAR = 4.0  # residual of a control point beyond which a warning is given [standard deviations]
@@ -286,12 +285,6 @@ def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
 def _of_the_whole(result: SurveyResult) -> Iterator[str]:
     if not result.solution.converged:
         yield "the optimization of the poses stopped before it converged"
-    loops = sum(pair.kept and pair.role == "loop" for pair in result.pairs)
-    if loops and result.moved < UNMOVED * result.voxel:
-        yield (
-            f"{loops} loops were kept, but no pose moved by more than {UNMOVED:g} voxels: they add nothing to the "
-            "chain of consecutive scans, as if they only join scans that follow each other closely"
-        )
     stray = sum(point_map.left_out for point_map in result.maps)
     if stray:
         yield f"{stray:,} points lie too far from the others for the map's voxels and are left out of the map"

@@ -10,7 +10,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.tools.files.readers.g2o import read_g2o
 from sonarmap.tools.files.writers.poses import write_g2o
-from tests.samples.clutter_scans import printed, printed_at, refused, said, sonarmap
+from tests.samples.clutter_scans import printed, refused, said, sonarmap
 from tests.samples.places import DATA
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
@@ -100,7 +100,7 @@ def test_lines_other_than_poses_are_unchanged(tmp_path: Path) -> None:
     np.testing.assert_allclose(*fixed, atol=1e-5)
 
 
-def test_a_wrong_loop_is_rejected_and_listed_at_80_columns(wrong_loop: Path) -> None:
+def test_a_wrong_loop_is_rejected_and_listed(wrong_loop: Path) -> None:
     graph, source = read_g2o(wrong_loop), wrong_loop
     (out,) = [loop for loop in summary_of(source, "--robust")["loops"] if loop["verdict"] == "rejected"]
     assert (out["i"], out["j"], out["kind"]) == (1, 6, "loop")
@@ -108,16 +108,9 @@ def test_a_wrong_loop_is_rejected_and_listed_at_80_columns(wrong_loop: Path) -> 
     assert "rejected" in out["reason"]
     assert len(read_g2o(source.parent / "out.g2o").edges) == len(graph.edges) - 1
     result = sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--robust")
-    assert "1 edge, left out" in result.stdout
-    assert "1 - 6" in result.stdout
+    assert "1 edge, left out; --json lists them" in result.stdout
     assert len([loop for loop in summary_of(source)["loops"] if loop["verdict"] == "accepted"]) == 5
-    lines = printed_at(80, "optimize", source, "-o", source.parent / "out.g2o", "--robust")
-    assert max(map(len, lines[: lines.index("")])) <= 80
-    assert not any("…" in line for line in lines)
-    (row,) = [line.split() for line in lines if line.startswith("1 - 6")]
-    assert row[3] == "loop"
-    assert float(row[4].replace(",", "")) > 100
-    assert any(line.startswith(("The poses fit", "The edges contradict")) for line in lines)
+    assert result.stdout.startswith(("The poses fit", "The edges contradict"))
 
 
 def test_graphs_that_optimizing_does_not_change_are_reported(tmp_path: Path) -> None:
