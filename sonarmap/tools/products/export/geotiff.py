@@ -157,7 +157,6 @@ _LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
     name: {"@x": x, "@y": y, "@xunits": "fraction", "@yunits": "fraction"}
     for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
 }
-_NARROWEST = 100.0  # smallest extent of the initial view [m]
 _LARGEST, _SMALLEST = 4096, 1024  # edge of a picture [px]: graphics cards shrink larger ones and blur smaller ones
 _DEGREE = 111_195.0  # length of a degree of latitude on the mean sphere [m]
 
@@ -200,7 +199,6 @@ def _document(earth: Georeferenced, picture: Picture) -> bytes:
             f"{len(part.scans)} scans, {len(part.points):,} points, voxel {earth.folder.voxel:.3g} m. Heights count "
             f"from {VERTICALS[earth.georeference.vertical]}, positive up. Everything is drawn on the water's surface."
         ),
-        "LookAt": _look_at(earth),
         "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
         "GroundOverlay": _overlay(picture),
         "ScreenOverlay": {"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE},
@@ -235,13 +233,6 @@ def _fill_element(element: Element, content: Mapping[str, Any]) -> None:
 def _described(words: str) -> str:
     """A description with HTML escaped, as Google Earth shows descriptions as HTML."""
     return escape(words, quote=False)
-
-
-def _look_at(earth: Georeferenced) -> dict[str, str]:
-    extent = float(np.ptp(earth.part.points[:, :2], axis=0).max())
-    (latitude, longitude, _) = earth.georeference.geodetic(earth.part.points.mean(axis=0)[None])[0].tolist()
-    place = {"longitude": f"{longitude:.7f}", "latitude": f"{latitude:.7f}", "altitude": "0"}
-    return place | {"range": f"{1.5 * max(extent, _NARROWEST):.0f}"} | _CLAMPED
 
 
 def _overlay(picture: Picture) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
-from sonarmap.tools.files.time_scales import are_times
 from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.points import float32_origin, pack_records
@@ -38,7 +37,6 @@ def write_mcap(path: Path, folder: Map, part: MapPart, earth: Georeferenced | No
         _write_poses(ros, part, first)
         if earth is not None:
             _write_positions(ros, earth)
-        writer.add_metadata("sonarmap", _meaning(part, earth))
         writer.finish()
 
 
@@ -136,17 +134,3 @@ def _write_positions(ros: _Ros, earth: Georeferenced) -> None:
         covariance = earth.covariances[k, :3, :3].reshape(9)
         place = (ros.header(stamp, SENSOR), status, latitude, longitude, altitude, covariance, _KNOWN)
         ros.write("/position", stamp, ros.make("sensor_msgs/msg/NavSatFix", *place))
-
-
-def _meaning(part: MapPart, earth: Georeferenced | None) -> dict[str, str]:
-    """Frames and units for readers of the file without its side-car."""
-    meaning = {
-        "units": "m, s",
-        "map": "East-North-Up" if part.in_world else "frame of the first pose",
-        "sensor": "x forward, y left, z up",
-        "time": "UTC" if are_times(part.trajectory.stamps) else "a counter",
-    }
-    if earth is None:
-        return meaning
-    place = {name: str(value) for name, value in earth.georeference.to_json().items()}
-    return meaning | {"datum": "WGS84", "crs": earth.projection.name} | place
