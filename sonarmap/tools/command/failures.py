@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
@@ -21,7 +21,6 @@ import typer
 from sonarmap.kernels.errors import SonarmapError, path_error
 from sonarmap.tools.command.terminal import quietly, say, shortened
 from sonarmap.tools.extras import EXTRA_OF, how_to_install
-from sonarmap.tools.files.writers.atomic import appeared
 
 MISUSE = 2  # typer's exit code for a wrong option
 DEFECT = 1
@@ -29,7 +28,6 @@ INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of a full or broken disk
 STOPPED = "stopped: "
-LISTED = 5  # file names in a message
 _LESS = "give less at a time, or thin it out; 'sonarmap doctor' says what fits"
 UsageError: Any = typer.BadParameter.__base__  # base of typer's errors about options; it has no public name
 
@@ -40,23 +38,22 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(command)
     def guard(*args: Any, **options: Any) -> Any:
         as_json = bool(options.get("as_json", "--json" in sys.argv[1:]))  # for commands without this option
-        written = len(appeared)
         with quietly(bool(options.get("quiet")), as_json), terminated_as_interrupted():
             try:
                 return command(*args, **options)
             except (typer.Exit, typer.Abort, typer.BadParameter):
                 raise
             except BaseException as error:  # noqa: BLE001 - the last place where a defect can be reported
-                raise typer.Exit(failed(error, as_json, appeared[written:])) from None
+                raise typer.Exit(failed(error, as_json)) from None
 
     return guard
 
 
-def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
-    """Report an error, and return the exit code. `written` are the files that were completed before."""
+def failed(error: BaseException, as_json: bool) -> int:
+    """Report an error, and return the exit code."""
     match error:
         case KeyboardInterrupt():
-            message = _note_of(error) or _written(written)
+            message = _note_of(error) or "no file is half written"
             say(message, STOPPED, "bold yellow")
             print_failure(STOPPED + message, INTERRUPTED, as_json)
             return INTERRUPTED
@@ -107,14 +104,6 @@ def print_failure(message: str, code: int, as_json: bool) -> None:
     """Print a failure as JSON on stdout, if that was asked for."""
     if as_json:
         typer.echo(json.dumps({"error": shortened(message), "exit_code": code}))
-
-
-def _written(paths: Sequence[Path]) -> str:
-    names = list(dict.fromkeys(path.name for path in paths))
-    if not names:
-        return "nothing was written"
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return f"only {', '.join(names[:LISTED])}{more} had been written, and no file is half written"
 
 
 def output_lost(error: OSError) -> int:

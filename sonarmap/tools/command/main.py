@@ -190,7 +190,7 @@ def run() -> None:
         finally:
             sys.stdout.flush()  # here, where a broken pipe is still caught
     except (KeyboardInterrupt, BrokenPipeError, ImportError) as error:
-        sys.exit(failed(error, "--json" in sys.argv[1:], ()))
+        sys.exit(failed(error, "--json" in sys.argv[1:]))
     except OSError as error:
         sys.exit(output_lost(error))
     finally:

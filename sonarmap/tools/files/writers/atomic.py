@@ -14,7 +14,6 @@ from sonarmap.kernels.errors import InputError
 LEFTOVER_PREFIX = ".sonarmap."  # of the names of temporary files
 # (temporary path, final path) of the complete files that `all_or_none` will rename
 _waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
-appeared: list[Path] = []  # final paths of all files that this process has written
 
 
 @contextmanager
@@ -36,7 +35,6 @@ def atomic_path(path: Path) -> Iterator[Path]:
                 os.fsync(file.fileno())
             if waiting is None:
                 temporary.replace(path)
-                appeared.append(path)
             else:
                 waiting.append((temporary, path))
     finally:
@@ -63,7 +61,6 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
         for temporary, path in waiting:
             with writing(path):
                 temporary.replace(path)
-            appeared.append(path)
     finally:
         _waiting.reset(token)
         for temporary, _ in waiting:
