@@ -1,7 +1,5 @@
 """Start of the `sonarmap` command: load its libraries, and report one that is missing or broken."""
 
-import os
-import signal
 import sys
 
 _INTERRUPTED = 128 + 2  # as a shell reports SIGINT
@@ -9,20 +7,13 @@ _INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 
 def start() -> None:
     """Run the command line. While its libraries are loaded, Ctrl-C ends it without a message."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _leave)
     try:
         from sonarmap.tools.command.main import run
+    except KeyboardInterrupt:
+        sys.exit(_INTERRUPTED)
     except Exception as error:  # noqa: BLE001 - a broken library can raise anything
         sys.exit(_without_a_library(error))
-    finally:
-        signal.signal(signal.SIGINT, before)
     run()
-
-
-def _leave(number: int, frame: object) -> None:
-    os._exit(_INTERRUPTED)
 
 
 def _without_a_library(error: Exception) -> int:
