@@ -189,11 +189,6 @@ def list_devices(test: bool = False, again: bool = True) -> list[DeviceInfo]:
     return _some(try_devices(test, again))
 
 
-def device_names() -> list[tuple[str, str]]:
-    """(selector, name) of every OpenCL device, as of the last trial."""
-    return [(info.selector, info.name) for info in _some(known_devices())]
-
-
 def choose_device(selector: str | None = None) -> Device:
     """Choose the first matching device that works, GPUs before CPUs.
 

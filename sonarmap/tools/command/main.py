@@ -104,7 +104,7 @@ def _nearest(name: str, names: Iterable[str]) -> str:
 
 
 class Verb(TyperCommand):
-    """A verb whose rare options are shown only by --help-all and by shell completion."""
+    """A verb whose rare options are shown only by --help-all."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse --help-all as --help with the rare options."""
@@ -119,11 +119,6 @@ class Verb(TyperCommand):
         rare = sum(parameter.hidden for parameter in self.params)
         self.epilog = f"{rare} more options: {ctx.command_path} {_ALL}" if rare else None
         super().format_help(ctx, formatter)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Completions of the last word, rare options included."""
-        self._show_rare_options()
-        return super().shell_complete(ctx, incomplete)
 
     def invoke(self, ctx: Any) -> Any:
         """Print the options from the settings file, and run the verb."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import REGISTRATION, DeviceOption, checked, completes, is_positive, refused_by
+from sonarmap.tools.command.option import REGISTRATION, DeviceOption, checked, is_positive, refused_by
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, Setup, find_method
 
@@ -83,7 +83,6 @@ class MethodOptions:
         f"How to register. Methods: {', '.join(METHODS)}.",
         DEFAULT_METHOD,
         callback=refused_by(find_method),
-        autocompletion=completes(METHODS),
     )
     grid: GridOption = None
     voxel: VoxelOption = None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from sonarmap.kernels.errors import InputError, SonarmapError
-from sonarmap.tools.command.option import NAVIGATION, completes, given, listed_in, refuse_without, refused_by
+from sonarmap.tools.command.option import NAVIGATION, given, refuse_without, refused_by
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
@@ -109,9 +109,6 @@ class OdometryFile:
         return odometry
 
 
-_SETTINGS = "sonarmap.tools.files.readers.navigation.settings"
-
-
 @dataclass(frozen=True, slots=True)
 class NavigationReading:
     """Options that describe the contents of --priors and --odometry."""
@@ -123,13 +120,11 @@ class NavigationReading:
         "NAME",
         "Time scale of log times without a time zone: utc, gps or tai.",
         shown="utc",
-        autocompletion=completes(listed_in("sonarmap.tools.files.time_scales", "TIME_SCALES")),
     )
     nav_offset: str | None = _rare(
         "S",
         "Add S to the log's times \\[s]; auto estimates S from the sonar's turn rates.",
         shown="0",
-        autocompletion=completes((AUTO,)),
     )
     nav_crs: str | None = _rare("CRS", "CRS of the log's eastings and northings, e.g. EPSG:32632.")
     nav_frame: str | None = _rare(
@@ -137,7 +132,6 @@ class NavigationReading:
         "Axes of the log's pitch, yaw, x, y, z and of --mount: frd or ned (forward, right, down; North, East, Down), "
         "flu or enu (forward, left, up; East, North, Up).",
         shown="heading, pitch nose up, x East, y North, depth",
-        autocompletion=completes(listed_in(_SETTINGS, "DOWN_FRAMES", "UP_FRAMES")),
     )
     mount: str | None = _rare(
         "R,P,H[,X,Y,Z]",
@@ -149,7 +143,6 @@ class NavigationReading:
         "NAME",
         "North that the log's headings count from: true or grid.",
         shown="true",
-        autocompletion=completes(("true", "grid")),
     )
     nmea_talker: str | None = _rare(
         "AA,...", "NMEA talkers whose positions and headings are used, e.g. GP,HE.", shown="all that agree"

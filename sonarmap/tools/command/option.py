@@ -7,9 +7,7 @@ import functools
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, cast, get_origin
 
@@ -21,7 +19,7 @@ from sonarmap.tools.command.failures import as_options
 MOST_WORKERS = 1024  # more processes than any machine has use for
 MOST = 1_000_000  # largest count that an option accepts; every file format and library can hold it
 
-# Names for --priors of `simulate` and --known of `reproduce`.
+# Names for --priors of `simulate`.
 INSTRUMENTS = ("attitude", "heading", "depth", "position")
 
 REQUIRED: Any = MISSING  # the default of a mandatory option
@@ -39,7 +37,7 @@ def _named(text: str) -> Path:
 class Panel:
     """A panel of the help, which declares options. `words` is an option's help, `names` are its names if they differ
     from the parameter's; `rare` options are shown only by --help-all. `more` is passed to typer.Option: min, max,
-    `callback`, which returns the value or raises typer.BadParameter, and `autocompletion`, made by `completes`."""
+    and `callback`, which returns the value or raises typer.BadParameter."""
 
     title: str
 
@@ -79,7 +77,7 @@ class Panel:
         names = tuple(names)
         wanted = f"{{!r}}; choose one of {', '.join(names)}, or leave it out for {names[0]}"
         check = checked(names.__contains__, wanted)
-        return self.option(metavar, words, names[0], callback=check, autocompletion=completes(names), **more)
+        return self.option(metavar, words, names[0], callback=check, **more)
 
 
 INPUT = Panel("Input")
@@ -94,27 +92,6 @@ LOOPS = Panel("Loops and motion")
 EARTH = Panel("Place on the Earth")
 OUTPUT = Panel("Output")
 RUNNING = Panel("Running")
-
-
-def completes(names: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """Shell completion of an option that takes one of the names; names that are slow to load come from a function."""
-    return lambda incomplete: [name for name in (names() if callable(names) else names) if name.startswith(incomplete)]
-
-
-def listed_in(module: str, *tables: str) -> Callable[[], Iterable[str]]:
-    """A function that returns the names in a module's tables; only then it imports the module, which is slow."""
-    return lambda: [name for table in tables for name in getattr(import_module(module), table)]
-
-
-def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """Shell completion of an option that takes several of the names, separated by commas."""
-
-    def complete(incomplete: str) -> list[str]:
-        before, comma, last = incomplete.rpartition(",")
-        given = before.split(",")
-        return [f"{before}{comma}{name}" for name in names if name.startswith(last) and name not in given]
-
-    return complete
 
 
 def given(options: Any) -> dict[str, Any]:
@@ -216,24 +193,12 @@ def is_positive(number: float) -> bool:
     return 0 < number < math.inf
 
 
-def _devices(incomplete: str) -> list[tuple[str, str]]:
-    """Shell completions: kinds of device, and the devices of this machine, each with a description."""
-    from sonarmap.kernels.device.device import device_names
-    from sonarmap.kernels.errors import DeviceError
-
-    selectors = [("cpu", "the processor"), ("gpu", "a graphics card")]
-    with suppress(DeviceError):
-        selectors += device_names()
-    return [(selector, name) for selector, name in selectors if selector.startswith(incomplete)]
-
-
 DeviceOption = Annotated[
     str | None,
     RUNNING.value(
         "DEVICE",
         "OpenCL device: cpu, gpu, a part of its name, or platform:device as `sonarmap devices` lists them.",
         "--device",
-        autocompletion=_devices,
     ),
 ]
 JsonOption = Annotated[bool, RUNNING.switch("--json", "Print the result as JSON, without progress.")]

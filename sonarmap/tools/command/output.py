@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.option import EARTH, OUTPUT, REQUIRED, completes, completes_list, listed_in, refuse_without
+from sonarmap.tools.command.option import EARTH, OUTPUT, REQUIRED, refuse_without
 from sonarmap.tools.command.terminal import growing_progress, say
 from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import FORMATS, known_formats
@@ -37,7 +37,6 @@ FormatsOption = Annotated[
         "NAME",
         f"Formats, as laz,geotiff,kmz: {', '.join(FORMATS)}.",
         callback=_check_formats,
-        autocompletion=completes_list(FORMATS),
     ),
 ]
 
@@ -96,7 +95,6 @@ class EarthPlace:
         "Vertical reference of heights: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008.",
         rare=True,
         shown="surface",
-        autocompletion=completes(listed_in("sonarmap.tools.files.geo", "VERTICALS")),
     )
     crs: str | None = EARTH.option(
         "CRS",

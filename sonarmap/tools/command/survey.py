@@ -25,9 +25,7 @@ from sonarmap.tools.command.option import (
     OUTPUT,
     RUNNING,
     checked,
-    completes,
     is_positive,
-    listed_in,
     refuse_without,
 )
 from sonarmap.tools.command.terminal import growing_progress, say, stage, warn
@@ -144,7 +142,6 @@ InputsArgument = Annotated[
         metavar="INPUT...",
     ),
 ]
-_CORRECTIONS = "sonarmap.tools.files.readers.scans"
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +157,11 @@ class PointReading:
         "Axes of the points in the files: flu (forward, left, up), frd (forward, right, down), rdf (right, down, "
         "forward, as of cameras) or ned (North, East, Down, for scans that were leveled and turned North).",
         shown="flu",
-        autocompletion=completes(listed_in(_CORRECTIONS, "FRAMES")),
     )
     units: str | None = INPUT.option(
         "NAME",
         "Unit of the points in the files: m, cm, mm, ft or us-ft.",
         shown="m",
-        autocompletion=completes(listed_in(_CORRECTIONS, "UNITS")),
     )
 
     patch: float | None = INPUT.option(

@@ -1,4 +1,4 @@
-"""--set, shell completion, exit codes and messages of the command."""
+"""--set, exit codes and messages of the command."""
 
 import os
 import re
@@ -14,11 +14,9 @@ from sonarmap.slam.mapper import MapperSettings
 from sonarmap.tools.command.failures import OPTIONS, guarded
 from sonarmap.tools.command.main import VERBS, app
 from sonarmap.tools.command.method import changed
-from sonarmap.tools.methods.registry import METHODS
 from tests.samples.command_line import SONARMAP
 from tests.samples.places import ROOT
 from tests.samples.refusals import refuses
-from tests.test_architecture import SLOW_TO_LOAD
 
 
 def test_options_named_in_messages_exist() -> None:
@@ -46,43 +44,6 @@ def test_set_changes_nested_settings() -> None:
 )
 def test_a_mistake_in_set_is_refused(text: str, words: str) -> None:
     refuses(re.escape(words), changed, MapperSettings(), [text])
-
-
-LINES: dict[str, list[str]] = {
-    "sonarmap r": ["record", "register", "reproduce"],
-    "sonarmap map --max-s": ["--max-speed"],  # rare options too
-    "sonarmap map a.ply -o out --method ": list(METHODS),
-    "sonarmap export map/ --format eiva": ["eiva-position", "eiva-attitude"],
-    "sonarmap simulate --scene s": ["ship", "sandflat", "seabed", "shallow"],
-    "sonarmap map --vertical EGM": ["EGM96", "EGM2008"],
-    "sonarmap reproduce trans": ["translation"],
-    "sonarmap simulate --priors attitude,": ["attitude,heading", "attitude,depth", "attitude,position"],
-    "sonarmap map --priors ": [],  # the shell itself completes files
-    "sonarmap --inst": ["--install-completion"],
-    "sonarmap map --device g": ["gpu"],
-}
-# Load the command once, print its completions of each line, and the slow libraries that it loaded.
-COMPLETING = f"""
-import os, sys
-from sonarmap.tools.command.start import start
-lines, sys.argv[:] = sys.argv[1:], ["sonarmap"]
-for line in lines:
-    os.environ.update(COMP_WORDS=line, COMP_CWORD=str(line.count(" ")))
-    try:
-        start()
-    except SystemExit:
-        print("answered")
-print(*{SLOW_TO_LOAD!r} & set(sys.modules))
-"""
-
-
-def test_bash_completes_the_last_word_without_slow_libraries() -> None:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_SONARMAP_COMPLETE": "complete_bash"}
-    command = [sys.executable, "-c", COMPLETING, *LINES]
-    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    *given, slow = ended.stdout.split("answered\n")
-    assert {line: answer.split() for line, answer in zip(LINES, given, strict=True)} == LINES
-    assert (slow.split(), ended.stderr) == (["pyopencl"], "")  # for --device
 
 
 def exit_code_of(command: Callable[[], object]) -> int:

@@ -13,7 +13,6 @@ from sonarmap.tools.command.failures import when_stopped
 from sonarmap.tools.command.method import VoxelOption, check_seed, check_tilt
 from sonarmap.tools.command.option import (
     EXPERIMENT,
-    INSTRUMENTS,
     MOST_WORKERS,
     OUTPUT,
     RUNNING,
@@ -21,8 +20,6 @@ from sonarmap.tools.command.option import (
     JsonOption,
     QuietOption,
     checked,
-    completes,
-    completes_list,
     refused_by,
 )
 from sonarmap.tools.command.terminal import print_json, printable, progress, result_console, say
@@ -45,7 +42,6 @@ NameArgument = Annotated[
     typer.Argument(
         help=f"An experiment, or '{ALL}' for the paper's. There are {_NAMES}. The paper's are {', '.join(PAPER)}.",
         metavar="NAME",
-        autocompletion=completes((*EXPERIMENTS, ALL)),
     ),
 ]
 FolderArgument = Annotated[
@@ -73,7 +69,6 @@ class ExperimentOptions:
         callback=checked(
             SCENES.__contains__, f"{{}} is not a scene as large as the paper's; choose {', '.join(SCENES)}"
         ),
-        autocompletion=completes(SCENES),
     )
     sigma2: list[float] | None = _rare(
         "V",
@@ -87,7 +82,6 @@ class ExperimentOptions:
         "NAME",
         "For pairs: overlap (all overlaps), paths (Table 1, extended) or unrelated; may be repeated.",
         callback=checked(lambda names: PAIR_SETS.keys() >= {*names}, f"{{}}; choose from {', '.join(PAIR_SETS)}"),
-        autocompletion=completes(PAIR_SETS),
         shown="all",
     )
     pairs: int | None = _rare("N", "Number of pairs.", min=1)
@@ -98,7 +92,6 @@ class ExperimentOptions:
         "NAME",
         f"A method to evaluate; may be repeated. Methods: {', '.join(METHODS)}.",
         callback=refused_by(lambda names: [find_method(name) for name in names]),
-        autocompletion=completes(METHODS),
     )
     grid: int | None = EXPERIMENT.option(
         "N", "Voxels per edge, 16..512: an even product of 2, 3 and 5.", shown="the experiment's"
@@ -114,7 +107,6 @@ class ExperimentOptions:
         "WHAT",
         "For real: also register every pair with measurements of WHAT, simulated from the truth: "
         "attitude,heading,depth,position, or some of them (to 1.5 deg, 3 deg, 0.15 m, 3 m).",
-        autocompletion=completes_list(INSTRUMENTS),
     )
     write: bool = EXPERIMENT.flag(
         "--write", "For confidence: store the fitted model in the package, which then uses it."

@@ -18,8 +18,6 @@ from sonarmap.tools.command.option import (
     OUTPUT,
     SCENE,
     QuietOption,
-    completes,
-    completes_list,
     given,
 )
 from sonarmap.tools.command.terminal import growing_progress, printable
@@ -44,13 +42,11 @@ class SimulatedScans:
         "NAME",
         f"{_listed({name: kind.summary for name, kind in SCENE_KINDS.items()})}.",
         shown=DEFAULT_SCENE,
-        autocompletion=completes(SCENE_KINDS),
     )
     trajectory: str | None = SCENE.option(
         "NAME",
         f"{_listed(dict(TRAJECTORY_KINDS))}.",
         shown=DEFAULT_TRAJECTORY,
-        autocompletion=completes(TRAJECTORY_KINDS),
     )
     scans: int | None = SCENE.option("N", "Number of scans.", shown="survey 12, lawnmower 200", min=1)
     spacing: float | None = SCENE.option(
@@ -61,7 +57,6 @@ class SimulatedScans:
         f"{', '.join(SENSOR_NAMES)}; table1 has its own sensor.",
         rare=True,
         shown="suits the scene",
-        autocompletion=completes(SENSOR_NAMES),
     )
     dive: int | None = SCENE.option(
         "N",
@@ -103,7 +98,6 @@ class SimulatedNavigation:
         "KINDS",
         "Also write priors.csv with measurements of these instruments: attitude,heading,depth,position, some of them, "
         "or all.",
-        autocompletion=completes_list(INSTRUMENTS),
     )
     fix_every: int | None = NAVIGATION.option(
         "N", "With --priors position: only every N-th scan has a position.", rare=True, shown="1", min=1, max=MOST
