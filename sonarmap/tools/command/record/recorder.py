@@ -62,8 +62,7 @@ class ClockOffset:
     """Offset of the sonar's clock, positive if it is ahead of this computer's [s]. Packets arrive later than their
     shots: in each ten seconds, the packet with the shortest delay gives the offset."""
 
-    first: float | None = None  # in the first ten seconds; None before the first stamp
-    latest: float | None = None  # in the latest ten whole seconds
+    latest: float | None = None  # in the latest ten whole seconds; None before the first stamp
     _best: float | None = None
     _since: float = 0.0
     _windows: int = 0
@@ -76,7 +75,7 @@ class ClockOffset:
             self.latest = self._best if previous is None else previous
         self._best = max(self._best, stamp - arrival)
         if self._windows == 1:
-            self.first = self.latest = self._best
+            self.latest = self._best
 
 
 @dataclass(slots=True)
@@ -226,7 +225,6 @@ class Status:
     senders: Senders = field(default_factory=Senders)  # the sonar, and counts of all other datagrams
     seconds: float = 0.0  # since the start
     silence: float = 0.0  # seconds since the last packet of the sonar, or since the start
-    longest_silence: float = 0.0  # between two packets [s]
     size: int = 0  # bytes written
     # rates over the latest five ticks [1/s]
     shot_rate: float = 0.0
@@ -296,11 +294,8 @@ class _Recording:
         if datagram is None or not self._status.senders.is_wanted(datagram, now):
             return
         self._part.write(datagram.content)
-        status = self._status
-        if status.tally.packets:
-            status.longest_silence = max(status.longest_silence, now - self._latest)
         self._latest = now
-        status.tally.add(datagram.content, datagram.arrival)
+        self._status.tally.add(datagram.content, datagram.arrival)
 
     def _tick(self, receiver: Receiver, now: float) -> None:
         status = self._status

@@ -7,7 +7,7 @@ from typing import Any
 
 from sonarmap.kernels.counted import lasting, sized
 from sonarmap.tools.command.record.receiver import Source
-from sonarmap.tools.command.record.recorder import IMU, RANGES, SHADED, STRENGTHS, ClockOffset, Status
+from sonarmap.tools.command.record.recorder import IMU, RANGES, SHADED, STRENGTHS, Status
 
 _PLAIN = {
     RANGES: ("shot", "shots"),
@@ -15,7 +15,6 @@ _PLAIN = {
     SHADED: ("shaded image", "shaded images"),
     IMU: ("IMU batch", "IMU batches"),
 }
-_DRIFTED = 0.05  # change of a clock's offset that is reported [s]
 _SILENT = 5.0  # silence that is reported [s]
 _DISK_SHORT = 600.0  # time until the disk is full that is reported [s]
 _DISK_ENDS = 60.0  # time until the disk is full that is urgent [s]
@@ -52,21 +51,15 @@ def end_lines(status: Status) -> list[str]:
         if counted.came
     ]
     share = f"{100 * tally.missing_share:.2f} % of the packets"
+    offset = tally.clock.latest
+    clock = "its packets have no time" if offset is None else f"its clock is {clock_words(offset)} this computer's"
     imu = "IMU recorded" if tally.kinds[IMU].came else "no IMU batches: enable them in its settings"
     return [
         f"{status.path}: {tally.shots:,} shots in {timedelta(seconds=int(status.seconds))}, {sized(status.size)}",
         f"missing by their numbers: {', '.join(missing)}, {share}",
         f"lost in this computer: {status.unsaved + status.overflow:,}; damaged: {senders.damaged:,}",
-        f"sonar {senders.sonar}; {_clock_at_the_end(tally.clock)}; {imu}",
+        f"sonar {senders.sonar}; {clock}; {imu}",
     ]
-
-
-def _clock_at_the_end(clock: ClockOffset) -> str:
-    if clock.first is None or clock.latest is None:
-        return "its packets have no time"
-    drifted = abs(clock.latest - clock.first) > _DRIFTED
-    start = f", and was {clock_words(clock.first)} it at the start" if drifted else ""
-    return f"its clock is {clock_words(clock.latest)} this computer's{start}"
 
 
 def as_json(status: Status) -> dict[str, Any]:
@@ -95,8 +88,7 @@ def as_json(status: Status) -> dict[str, Any]:
         "foreign": senders.foreign,
         "other_sonars": {"packets": senders.others, "addresses": senders.addresses},
         "lost_here": {"receive_buffer": status.overflow, "disk": status.unsaved},
-        "clock_offset_s": {"first": tally.clock.first, "last": tally.clock.latest},
-        "longest_silence_s": round(status.longest_silence, 3),
+        "clock_offset_s": tally.clock.latest,
         "disk_left_bytes": status.disk,
         "receive_buffer_bytes": status.buffer,
     }

