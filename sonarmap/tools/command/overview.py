@@ -13,7 +13,7 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
-from sonarmap.tools.command.terminal import print_rows, printable
+from sonarmap.tools.command.terminal import print_rows
 from sonarmap.tools.files.readers.file import FORMATS, format_of
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.navigation.overview import LogOverview
@@ -141,7 +141,7 @@ def overview_of(
     return overview
 
 
-def overview_json(overview: Overview, following: str | None) -> dict[str, Any]:
+def overview_json(overview: Overview) -> dict[str, Any]:
     """The overview as JSON; null for unknown values."""
     clock, grid = overview.clock, overview.grid
     return {
@@ -165,11 +165,10 @@ def overview_json(overview: Overview, following: str | None) -> dict[str, Any]:
         "grid": grid and {"edge": grid.edge, "voxel": grid.voxel},
         "notes": overview.notes,
         "unread": overview.unread,
-        "next": following,
     }
 
 
-def print_overview(overview: Overview, following: str | None) -> None:
+def print_overview(overview: Overview) -> None:
     scans, (least, median, most) = len(overview.names), overview.points
     x, y, z = np.median(overview.extents, axis=0)
     files = overview.files[0].name if len(overview.files) == 1 else f"{len(overview.files):,} files"
@@ -192,7 +191,6 @@ def print_overview(overview: Overview, following: str | None) -> None:
     unread = f"{counted(scans, 'scan')} can be read, {unread} cannot."
     typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
     print_rows(rows)
-    typer.echo(f"\nnext: {printable(following)}" if following else "\na map needs at least two scans")
 
 
 def _times(overview: Overview) -> dict[str, str]:
@@ -277,7 +275,7 @@ _UNITS = {"deg": "degrees", "m": "m"}
 _LISTED = 10  # lines of a log; --json has all
 
 
-def log_json(found: LogOverview, following: str) -> dict[str, Any]:
+def log_json(found: LogOverview) -> dict[str, Any]:
     """The overview of a log as JSON; null for unknown values."""
     track, place = found.track, found.log.georeference
     return {
@@ -295,11 +293,10 @@ def log_json(found: LogOverview, following: str) -> dict[str, Any]:
         "left_out": found.faults,
         "scans": {"count": found.scans, "covered": found.covered, "apart": found.apart} if found.scans else None,
         "notes": list(found.notes),
-        "next": following,
     }
 
 
-def print_log(found: LogOverview, following: str) -> None:
+def print_log(found: LogOverview) -> None:
     """Print the overview of a log."""
     rows = {
         "log": f"{found.path.name}, {found.path.stat().st_size / 1e6:,.1f} MB, {counted(len(found.log.lines), 'row')}",
@@ -323,7 +320,6 @@ def print_log(found: LogOverview, following: str) -> None:
         typer.echo(f"  line {fault.line}: {fault.kind}: {fault.reason}")
     if len(found.faults) > _LISTED:
         typer.echo(f"  and {len(found.faults) - _LISTED:,} more: --json has all")
-    typer.echo(f"\nnext: {printable(following)}")
 
 
 def _log_times(clock: Clock | None) -> dict[str, str]:

@@ -1,7 +1,5 @@
 """`sonarmap inspect`: the contents of scan files and navigation logs, before a map is made."""
 
-import shlex
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -61,17 +59,13 @@ def command(
         raise InputError(f"--{flag.replace('_', '-')} {value} needs a log of navigation; give one as the first INPUT")
     with growing_progress("reading", quiet or as_json) as step:
         overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)
-    chosen = ({} if grid is None else {"grid": grid}) | given(points)
-    options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in chosen.items()]
     if template is not None:
         write_template(template, overview.names, overview.stamps)
         say(f"written to {template}: {counted(len(overview.names), 'row')}")
-    words = ["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"]
-    following = " ".join(words) if len(overview.names) > 1 else None
     if as_json:
-        print_json(overview_json(overview, following))
+        print_json(overview_json(overview))
     else:
-        print_overview(overview, following)
+        print_overview(overview)
         for note in overview.notes:
             say(note)
     for reason in overview.unread:
@@ -102,24 +96,12 @@ def _inspect_log(
         with growing_progress("reading", quiet or as_json) as step:
             stamps = np.array([scan.stamp for scan in read_survey(scans, [], step, points.corrections()).scans])
     overview = log_overview(path, settings, stamps)
-    options = [f"--{name.replace('_', '-')} {shlex.quote(_plain(value))}" for name, value in given(reading).items()]
-    following = _next_command(str(path), scans, options)
     if as_json:
-        print_json(log_json(overview, following))
+        print_json(log_json(overview))
     else:
-        print_log(overview, following)
+        print_log(overview)
         for note in overview.notes:
             say(note)
     if overview.apart:
         warn(f"{path}: no row is at the time of a scan, or near it: {overview.apart}")
     return not overview.apart
-
-
-def _plain(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
-
-
-def _next_command(log: str, scans: Sequence[str], options: Sequence[str]) -> str:
-    """The command that makes a map with the log."""
-    words = ["sonarmap map", *(map(shlex.quote, scans) if scans else ["SCANS"]), "--priors", shlex.quote(log)]
-    return " ".join([*words, "--prior-sigmas A,H,D,P", *options, "-o map/"])
