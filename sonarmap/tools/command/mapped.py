@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import typer
 
 from sonarmap.kernels.counted import counted
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.terminal import print_json, printable, result_console, warn
@@ -57,18 +56,9 @@ def print_mapped(mapped: Mapped, seconds: float) -> None:
 
 def print_summary(out: Path) -> None:
     """Print a map's summary.json on one line."""
-    print_json(json.loads(written_summary(out)))
-
-
-def written_summary(out: Path) -> str:
-    """The text of the summary.json that this run has written."""
     from sonarmap.tools.files.readers.csv_table import SUMMARY
 
-    try:
-        return (out / SUMMARY).read_text(encoding="utf-8")
-    except OSError as error:
-        reason = error.strerror or error
-        raise InputError(f"cannot read {out / SUMMARY}: {reason}; it was removed. Run the command again") from error
+    print_json(json.loads((out / SUMMARY).read_text(encoding="utf-8")))
 
 
 def warn_of_faults(mapped: Mapped) -> None:

@@ -16,7 +16,6 @@ from sonarmap.tools.command.mapped import (
     print_summary,
     warn_of_faults,
     warn_of_some,
-    written_summary,
 )
 from sonarmap.tools.command.method import (
     ConfiguredMethod,
@@ -311,7 +310,6 @@ def _write_report_and_exports(mapped: Mapped, report: bool, exports: "ExportSett
     from sonarmap.tools.products.report.page import write_report
 
     out = mapped.out
-    written_summary(out)  # raises the clearest error if the folder was removed
     with when_stopped(lambda: f"the map is in {out}, but its report and exports are not complete"):
         if report:
             with stage("report", quiet):

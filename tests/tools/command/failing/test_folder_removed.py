@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.samples.clutter_scans import files_in, refused, said, sonarmap
-from tests.samples.damage.pose_files import POSE_FILES
+from tests.samples.clutter_scans import files_in, refused, sonarmap
 
 GRID = ("--grid", "64")
 Removal = Callable[[Path], None]
@@ -77,17 +76,3 @@ def test_removal_while_writing(
     refused(sonarmap(verb, *arguments, "-o", out), "error: ", str(out))
     assert not out.is_dir() or files_in(out) == {}
     assert remove is folder or out.read_text() == "mine"
-
-
-@pytest.mark.parametrize("remove", [folder, a_file_instead])
-def test_removal_while_optimizing(out: Path, remove: Removal, monkeypatch: Patch) -> None:
-    source = out.parents[1] / "in.g2o"
-    source.write_bytes(POSE_FILES["g2o"].content)
-    before(monkeypatch, "sonarmap.tools.files.writers.poses:_line", lambda: remove(out))
-    result = sonarmap("optimize", source, "-o", out / "out.g2o")
-    if remove is folder:  # nothing was written yet: the folder is created again
-        assert result.exit_code == 0
-        assert set(files_in(out)) == {"out.g2o"}
-    else:
-        assert (result.exit_code, out.read_text()) == (2, "mine")
-        said(result, f"error: cannot write {out / 'out.g2o'}")
