@@ -2,7 +2,7 @@
 
 In: scans (`spectral.scan.Scan`) and a method of registration. Out: a `SurveyResult` with poses, their covariances, the
 pose graph, every pair with its verdict, and the fused maps. `mapper.py` has the steps in order; `pair.py` has the
-stages of a pair from candidate to verdict. The only files here are the journal and scans for other processes.
+stages of a pair from candidate to verdict. The only file here is the journal.
 """
 
 import lazy_loader

@@ -6,11 +6,13 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures import Executor as Pool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
+from multiprocessing.reduction import ForkingPickler
 from typing import Any, TypeVar
 
+from scipy.spatial.transform import RigidTransform
+
 from sonarmap.slam.execute.processes import spawned
-from sonarmap.slam.execute.transport import InProcess, Transport, spooled
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -20,12 +22,19 @@ JOBS_TOGETHER = 4
 _QUEUED_PER_WORKER = 2  # pieces of work, so that no worker is ever idle
 
 
+def _by_matrix(T: RigidTransform) -> tuple[Callable[..., RigidTransform], tuple[Any]]:
+    return partial(RigidTransform, normalize=False), (T.as_matrix(),)
+
+
+# Transforms on their way to other processes keep all bits: SciPy's pickling normalizes them, which changes the last.
+ForkingPickler.register(RigidTransform, _by_matrix)
+
+
 @dataclass(frozen=True, slots=True)
 class Executor:
     """Runs a task on many jobs."""
 
     pool: Pool  # what runs a piece of work
-    transport: Transport  # brings scans to the workers
     workers: int  # how many there are
     most_together: int | None = None  # upper limit of the number of jobs in a piece of work; None for none
 
@@ -70,22 +79,18 @@ class Executor:
 
 def this_process() -> Executor:
     """An executor that runs every job in this process, one after the other."""
-    return Executor(_Immediate(), InProcess(), 1, most_together=1)
+    return Executor(_Immediate(), 1, most_together=1)
 
 
 @contextmanager
-def processes(
-    workers: int, begin: Callable[..., None] | None = None, *arguments: Any, spool: Path | None = None
-) -> Iterator[Executor]:
+def processes(workers: int, begin: Callable[..., None] | None = None, *arguments: Any) -> Iterator[Executor]:
     """Several new processes of this machine, for as long as the block lasts.
 
     Args:
         begin: what each process calls first, with `arguments`; before it the process has loaded no library.
-        spool: beginning of the path of the folder from which workers read scans; it is made when first needed and
-            deleted at the end. None for the system's folder for temporary files.
     """
-    with spooled(spool) as transport, spawned(workers, begin, *arguments) as pool:
-        yield Executor(pool, transport, workers)
+    with spawned(workers, begin, *arguments) as pool:
+        yield Executor(pool, workers)
 
 
 def _pieces(jobs: int, workers: int, together: int) -> deque[range]:

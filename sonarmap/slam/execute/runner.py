@@ -2,18 +2,16 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import astuple, dataclass, field
-from functools import partial
+from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from sonarmap.slam.execute.executor import Executor, this_process
-from sonarmap.slam.execute.journal import Journal, JournalEntry, storable
+from sonarmap.slam.execute.job import Job, KeyedScan, PairJob, job_key, job_label
+from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text
-from sonarmap.slam.execute.transport import ScanKey, joined_key, scan_key
-from sonarmap.slam.execute.worker import Job, PairJob, PairWorker, TimedText, Worker
+from sonarmap.slam.execute.worker import PairWorker, TimedText, Worker
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
@@ -82,16 +80,16 @@ class PairRunner:
 
     Args:
         execution: the worker, its executor, and the journal.
-        scans: the survey's; each is read once for its key, and again when a worker needs it.
+        scans: the survey's. Their arrays may be on disk: they are read for their keys, and again by each worker that
+            needs them.
         planned: number of progress steps known from the beginning, beside pairs.
         progress: called with (steps done, steps planned so far, text) after each step, or None.
     """
 
     def __init__(self, execution: Execution, scans: Sequence[Scan], planned: int, progress: Progress | None) -> None:
-        self._execution, self._all_scans = execution, scans
-        self._scans = [scan_key(scan) for scan in scans]
-        self._number = {scan: k for k, scan in enumerate(self._scans)}
-        self._numbers = list(range(len(scans)))  # index of each of `_scans` among all scans
+        self._execution = execution
+        self._scans = [KeyedScan.of(scan) for scan in scans]
+        self._numbers = list(range(len(scans)))  # index of each of `_scans` among the survey's
         self._steps = _Steps(planned, progress)
 
     def of(self, chosen: Sequence[int]) -> "PairRunner":
@@ -103,10 +101,9 @@ class PairRunner:
 
     def beside(self, versions: Sequence[Scan], numbers: Sequence[int]) -> "PairRunner":
         """A runner with versions of some scans (`numbers`) after all others; it continues the progress."""
-        more, keys = copy(self), [scan_key(scan) for scan in versions]
-        more._number = {key: len(self._all_scans) + n for n, key in enumerate(keys)} | self._number
-        more._all_scans = [*self._all_scans, *versions]
-        more._scans, more._numbers = [*self._scans, *keys], [*self._numbers, *(self._numbers[k] for k in numbers)]
+        more = copy(self)
+        more._scans = [*self._scans, *map(KeyedScan.of, versions)]
+        more._numbers = [*self._numbers, *(self._numbers[k] for k in numbers)]
         return more
 
     @property
@@ -138,7 +135,7 @@ class PairRunner:
             pairs[n] = candidates[n].registered(*from_text(text.content))
             i, j = (self._numbers[k] for k in candidates[n].scans)
             self._execution.timings.pairs.append(PairTime(i, j, text.seconds, from_journal))
-            self._steps.step(f"{_label(jobs[n])}: {_result_in_words(pairs[n])}")
+            self._steps.step(f"{job_label(jobs[n])}: {_result_in_words(pairs[n])}")
         self.end_stage("pairs registered")
         return [pairs[n] for n in range(len(candidates))]
 
@@ -155,16 +152,11 @@ class PairRunner:
         missing = [n for n, text in enumerate(journaled) if text is None]
         executor, journal = self._execution.executor, self._execution.journal
 
-        def sources(piece: Sequence[Job]) -> tuple[dict[ScanKey, Any]]:
-            scans = dict.fromkeys(scan for job in piece for scan in _scans_of(job))
-            return ({scan: executor.transport.source(scan, partial(self._load, scan)) for scan in scans},)
-
-        pieces = executor.run(self._execution.worker.run, [jobs[n] for n in missing], more=sources)
+        pieces = executor.run(self._execution.worker.run, [jobs[n] for n in missing])
         for indices, texts in pieces:
             done = list(zip((missing[k] for k in indices), texts, strict=True))
             if journal is not None:
-                entries = [(jobs[n], text) for n, text in done]
-                journal.add([JournalEntry(self._key(job), _label(job), *astuple(text)) for job, text in entries])
+                journal.add([self._entry(jobs[n], text) for n, text in done])
             yield from ((n, text, False) for n, text in done)
 
     def _journaled(self, job: Job) -> TimedText | None:
@@ -176,30 +168,16 @@ class PairRunner:
         entry = None if journal is None else journal.entry(self._key(job))
         if entry is None:
             return None
-        failed = not isinstance(job, ScanKey) and from_text(entry.content)[0] is None
-        if failed and entry.label != storable(_label(job)):
+        failed = not isinstance(job, KeyedScan) and from_text(entry.content)[0] is None
+        if failed and entry.label != job_label(job):
             return None
         return TimedText(entry.content, entry.seconds)
 
+    def _entry(self, job: Job, text: TimedText) -> JournalEntry:
+        return JournalEntry(self._key(job), job_label(job), text.content, text.seconds)
+
     def _key(self, job: Job) -> str:
-        """The journal's key of all that determines a job's result, including a pair's expected pose."""
-        kind, expected = ("signature", None) if isinstance(job, ScanKey) else ("pair", job.expected)
-        if expected is not None:
-            T = expected.T_target_source
-            numbers = np.concatenate([T.rotation.as_quat(), T.translation, expected.covariance.ravel()])
-            kind = f"pair expected at {numbers.tolist()}"
-        return joined_key(kind, self._execution.method, *(scan.content for scan in _scans_of(job)))
-
-    def _load(self, scan: ScanKey) -> Scan:
-        return self._all_scans[self._number[scan]]
-
-
-def _scans_of(job: Job) -> tuple[ScanKey, ...]:
-    return (job,) if isinstance(job, ScanKey) else (job.target, job.source)
-
-
-def _label(job: Job) -> str:
-    return " - ".join(scan.name for scan in _scans_of(job))
+        return job_key(job, self._execution.method)
 
 
 def _result_in_words(pair: RegisteredPair) -> str:

@@ -1,6 +1,6 @@
 """Workers, which register pairs by a registrar with its latest prepared scans, in this or in another process."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Lock, Timer
@@ -11,14 +11,11 @@ from threadpoolctl import ThreadpoolController
 
 from sonarmap.kernels.device.arrays import free_recycled
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.job import Job, KeyedScan, PairJob
 from sonarmap.slam.execute.pair_text import signature_to_text, to_text
-from sonarmap.slam.execute.transport import ScanKey, ScanSource
 from sonarmap.slam.pair import DEFECT
-from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.memory import prepared_size, scans_that_fit
 from sonarmap.spectral.result import Registrar
-
-Sources = Mapping[ScanKey, ScanSource]
 
 # Numbers of prepared scans to keep. Pairs are registered in the order of their scans, so more would save no time; the
 # rest of the memory is for the map and other programs.
@@ -49,23 +46,11 @@ class TimedText:
     seconds: float  # duration, with the preparation of scans [s]
 
 
-@dataclass(frozen=True, slots=True)
-class PairJob:
-    """Two scans to register, source to target, and their relative pose if the motion predicts one."""
-
-    target: ScanKey
-    source: ScanKey
-    expected: ExpectedPose | None = None
-
-
-Job = PairJob | ScanKey  # a pair to register, or a scan whose signature is wanted
-
-
 class PairWorker(Protocol):
     """The task that an executor runs to register pairs."""
 
-    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
-        """The result of every job, in their order; `sources` give the scans."""
+    def run(self, jobs: Sequence[Job]) -> list[TimedText]:
+        """The result of every job, in their order."""
         ...
 
     def release(self) -> None: ...
@@ -84,7 +69,7 @@ class Worker:
 
     def __init__(self, registrar: Registrar, prepared: int) -> None:
         self._registrar, self._most = registrar, prepared
-        self._prepared: dict[ScanKey, Any] = {}  # in the order of their last use
+        self._prepared: dict[tuple[str, str], Any] = {}  # by `KeyedScan.key`, in the order of their last use
         self._threads = ThreadpoolController()
 
     def release(self) -> None:
@@ -92,33 +77,33 @@ class Worker:
         self._prepared.clear()
         free_recycled()
 
-    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+    def run(self, jobs: Sequence[Job]) -> list[TimedText]:
         """The result of every job. A failed pair's text says why; a scan that cannot be prepared has no signature.
 
         Raises:
             DeviceError: the machine failed, not the scans.
         """
         with self._threads.limit(limits=1, user_api="blas"):
-            return [self._timed(job, sources) for job in jobs]
+            return [self._timed(job) for job in jobs]
 
-    def _timed(self, job: Job, sources: Sources) -> TimedText:
+    def _timed(self, job: Job) -> TimedText:
         start = perf_counter()
-        content = self._signature(job, sources) if isinstance(job, ScanKey) else self._register(job, sources)
+        content = self._signature(job) if isinstance(job, KeyedScan) else self._register(job)
         return TimedText(content, perf_counter() - start)
 
-    def _prepare(self, scan: ScanKey, sources: Sources) -> Any:
-        prepared = self._prepared.pop(scan, None)
+    def _prepare(self, scan: KeyedScan) -> Any:
+        prepared = self._prepared.pop(scan.key, None)
         if prepared is None:
-            prepared = self._registrar.prepare(sources[scan].load())
-        self._prepared[scan] = prepared
+            prepared = self._registrar.prepare(scan.scan)
+        self._prepared[scan.key] = prepared
         if len(self._prepared) > self._most:
             del self._prepared[next(iter(self._prepared))]
         return prepared
 
-    def _register(self, pair: PairJob, sources: Sources) -> str:
+    def _register(self, pair: PairJob) -> str:
         blame = ""
         try:
-            scans = self._prepare(pair.target, sources), self._prepare(pair.source, sources)
+            scans = self._prepare(pair.target), self._prepare(pair.source)
             blame = DEFECT
             if pair.expected is None:
                 registration = self._registrar.register(*scans)
@@ -129,11 +114,11 @@ class Worker:
             return to_text(None, f"{blame}{error}")
         return to_text(registration.by_scans)  # the graph holds the instruments' measurements itself
 
-    def _signature(self, scan: ScanKey, sources: Sources) -> str:
+    def _signature(self, scan: KeyedScan) -> str:
         signature = None
         with suppress(InputError):  # the failures of its pairs say why
             # pyrefly: ignore[missing-attribute]
-            signature = self._registrar.signature(self._prepare(scan, sources))
+            signature = self._registrar.signature(self._prepare(scan))
         return signature_to_text(signature)
 
 
@@ -145,10 +130,10 @@ class WorkerSpec:
     key: str  # of the method: equal for specifications that make equal registrars
     prepared: int  # number of prepared scans to keep, at least 2
 
-    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+    def run(self, jobs: Sequence[Job]) -> list[TimedText]:
         """`Worker.run` of the calling process's worker, which is made on the first call."""
         with _worker_of_process(self) as worker:
-            return worker.run(jobs, sources)
+            return worker.run(jobs)
 
     def release(self) -> None:
         """Nothing to free: the process that hands out the work has no worker."""

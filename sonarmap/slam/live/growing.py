@@ -9,8 +9,9 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.execute.job import Job
 from sonarmap.slam.execute.runner import PairRunner, Timings
-from sonarmap.slam.execute.worker import Job, PairWorker, Sources, TimedText
+from sonarmap.slam.execute.worker import PairWorker, TimedText
 from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.live.tracker import Placed, Tracker
@@ -185,11 +186,11 @@ class _Turns:
     def __init__(self, worker: PairWorker, lock: Lock, idle: Event | None = None) -> None:
         self._worker, self._lock, self._idle = worker, lock, idle
 
-    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+    def run(self, jobs: Sequence[Job]) -> list[TimedText]:
         if self._idle is not None:
             self._idle.wait(_MAX_WAIT)
         with self._lock:
-            return self._worker.run(jobs, sources)
+            return self._worker.run(jobs)
 
     def release(self) -> None:
         """Do nothing, as the other thread still uses the worker."""

@@ -29,7 +29,6 @@ from sonarmap.tools.command.option import (
     refuse_without,
 )
 from sonarmap.tools.command.terminal import growing_progress, say, stage, warn
-from sonarmap.tools.files.writers.atomic import LEFTOVER_PREFIX
 
 if TYPE_CHECKING:
     from sonarmap.slam.execute.executor import Executor
@@ -187,10 +186,6 @@ class PointReading:
         return Corrections(self.sound_speed, scale, frame, LineReading(self.patch, draught=self.draught or 0.0))
 
 
-# Beside the journal: the next run, which locks the folder, may delete what a killed run left.
-SPOOL = f"{LEFTOVER_PREFIX}scans."
-
-
 @dataclass(frozen=True, slots=True)
 class ExecutionOptions:
     """Options of the processes that register pairs, and of their journal."""
@@ -219,7 +214,7 @@ def open_execution(
     key = method_key(method.name, method.setup, method.registrar)
     with (
         Journal(journal, options.fresh) as opened,
-        _workers(method, prepared, options, journal.parent / SPOOL) as (worker, executor),
+        _workers(method, prepared, options) as (worker, executor),
     ):
         held = opened.count()
         execution = Execution(worker, executor, opened, key)
@@ -245,7 +240,7 @@ def _kept(pairs: int, journal: Path, fresh: bool) -> str:
 
 @contextmanager
 def _workers(
-    method: ConfiguredMethod, prepared: int, options: ExecutionOptions, spool: Path
+    method: ConfiguredMethod, prepared: int, options: ExecutionOptions
 ) -> "Iterator[tuple[PairWorker, Executor]]":
     from sonarmap.slam.execute.executor import processes, this_process
     from sonarmap.slam.execute.worker import Worker
@@ -253,7 +248,7 @@ def _workers(
 
     if options.processes > 1:
         spec = worker_spec(method.name, method.setup, method.registrar, prepared)
-        with processes(options.processes, spool=spool) as executor:
+        with processes(options.processes) as executor:
             yield spec, executor
     else:
         yield Worker(method.registrar, prepared), this_process()

@@ -1,8 +1,6 @@
 """Results of pairs as text, bit by bit; the result that a worker passes on, and its number of prepared scans."""
 
-from copy import deepcopy
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,9 +9,9 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.execute.job import KeyedScan, PairJob
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
-from sonarmap.slam.execute.transport import scan_key
-from sonarmap.slam.execute.worker import PairJob, Worker, prepared_limit
+from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, random_transforms, ring_poses, scans_of
@@ -103,12 +101,9 @@ class Instruments(KnowingRegistrar):
 def test_a_worker_passes_on_the_result_of_the_scans_alone() -> None:
     """The graph has the instruments' measurements, and would count them twice."""
     poses, covariance = ring_poses(4), random_covariance(np.random.default_rng(2))
-    sources: Any = {scan_key(scan): SimpleNamespace(load=partial(deepcopy, scan)) for scan in scans_of(poses)}
-    scans = list(sources)
+    scans = [KeyedScan.of(scan) for scan in scans_of(poses)]
     pairs = [PairJob(scans[0], scans[1]), PairJob(scans[3], scans[1])]
-    with_them, without = (
-        Worker(of(poses, covariance), 2).run(pairs, sources) for of in (Instruments, KnowingRegistrar)
-    )
+    with_them, without = (Worker(of(poses, covariance), 2).run(pairs) for of in (Instruments, KnowingRegistrar))
     assert [text.content for text in with_them] == [text.content for text in without]
     registration, failure = from_text(with_them[1].content)
     assert registration is not None

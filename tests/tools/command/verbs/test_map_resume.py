@@ -3,7 +3,6 @@ no finished pair is registered again."""
 
 import json
 import os
-import shutil
 import signal
 import sqlite3
 import subprocess
@@ -98,28 +97,6 @@ def test_two_workers_give_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
     assert sonarmap("map", clutter, "-o", tmp_path, *CLUTTER, "--workers", "2").exit_code == 0
     assert results(tmp_path) == results(clutter / "out")
     assert times(tmp_path)["workers"] == 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["folder", "link"])
-def test_pickles_in_the_folder_of_the_workers_scans_are_never_loaded(clutter: Path, tmp_path: Path, kind: str) -> None:
-    """Left by a killed run of an earlier version, or put there by someone else; the run goes on from its journal."""
-    out, theirs, harmed = tmp_path / "out", tmp_path / "theirs", tmp_path / "harmed"
-    theirs.mkdir()
-    for k in range(4):
-        (theirs / f"{k}.scan").write_bytes(f"cos\nmkdir\n(V{harmed}\ntR.".encode())
-    shutil.copytree(clutter / "out", out)
-    with sqlite3.connect(out / "journal.sqlite") as database:
-        database.execute("DELETE FROM entry WHERE rowid % 2")
-    database.close()
-    if kind == "folder":
-        theirs.rename(out / ".sonarmap.scans")
-    else:
-        (out / ".sonarmap.scans").symlink_to(theirs)
-    assert sonarmap("map", clutter, "-o", out, *CLUTTER, "--workers", "2").exit_code == 0
-    assert results(out) == results(clutter / "out")  # nothing of it is left
-    assert not harmed.exists()
-    assert kind == "folder" or len(list(theirs.iterdir())) == 4
 
 
 @pytest.mark.slow
