@@ -12,6 +12,7 @@ from threading import Thread
 from typing import Any
 
 from sonarmap.kernels.device.threads import share_cores
+from sonarmap.kernels.errors import InputError
 
 
 @contextmanager
@@ -32,7 +33,10 @@ def spawned(workers: int, begin: Callable[..., None] | None = None, *arguments: 
         for child in set(active_children()) - before:
             child.terminate()
         if isinstance(error, BrokenProcessPool):
-            raise _ended() from error
+            raise InputError(
+                "one of the `workers` processes ended early, as happens where memory is short; use fewer. What is done "
+                "is kept, and the same command continues from there."
+            ) from error
         raise
 
 
@@ -50,12 +54,3 @@ def _end_with_parent() -> None:
     if parent is not None:
         connection.wait([parent.sentinel])
         os._exit(1)
-
-
-def _ended() -> Exception:
-    from sonarmap.kernels.errors import InputError
-
-    return InputError(
-        "one of the `workers` processes ended early, as happens where memory is short; use fewer. What is done is "
-        "kept, and the same command continues from there."
-    )

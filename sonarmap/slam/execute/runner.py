@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from sonarmap.slam.execute.executor import Executor, this_process
+from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.execute.job import Job, KeyedScan, PairJob, job_key, job_label
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text
@@ -52,7 +52,7 @@ class Execution:
     """How a survey's pairs are registered, and where the results are kept."""
 
     worker: PairWorker  # registers pairs; a `WorkerSpec` if the executor's workers are other processes
-    executor: Executor = field(default_factory=this_process)  # runs the worker
+    executor: Executor = field(default_factory=Executor)  # runs the worker
     journal: Journal | None = None  # keeps results for later runs; None for no journal
     method: str = ""  # the journal's key of all that determines the result of a pair except its scans
     timings: Timings = field(default_factory=Timings)  # updated during the run
@@ -152,9 +152,10 @@ class PairRunner:
         missing = [n for n, text in enumerate(journaled) if text is None]
         executor, journal = self._execution.executor, self._execution.journal
 
-        pieces = executor.run(self._execution.worker.run, [jobs[n] for n in missing])
-        for indices, texts in pieces:
-            done = list(zip((missing[k] for k in indices), texts, strict=True))
+        pieces = [[missing[k] for k in piece] for piece in executor.pieces(len(missing))]
+        arguments = (([jobs[n] for n in piece],) for piece in pieces)
+        for number, texts in executor.run(self._execution.worker.run, arguments):
+            done = list(zip(pieces[number], texts, strict=True))
             if journal is not None:
                 journal.add([self._entry(jobs[n], text) for n, text in done])
             yield from ((n, text, False) for n, text in done)

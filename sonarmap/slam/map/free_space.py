@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.visibility import octahedral_cells
-from sonarmap.slam.execute.executor import Executor, this_process
+from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.map.placed import Beams, PlacedScans, pose_variance
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.map.portions import in_portions
@@ -75,7 +75,7 @@ def votes(point_map: PointMap, placed: PlacedScans, executor: Executor | None = 
         near[places] = within(*_ball_of(portion))
         return point_map.take(near[places]), portion
 
-    for places, portion_votes in in_portions(executor or this_process(), placed.scans, _votes, needs):
+    for places, portion_votes in in_portions(executor or Executor(), placed.scans, _votes, needs):
         total.add(near.pop(places), portion_votes)
     return total
 

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute.executor import Executor, this_process
+from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.map.cell import lattice_origin
 from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.scan import Scan
@@ -76,7 +76,7 @@ class PlacedScans:
         certain poses."""
         beams: dict[range, tuple[Beams, ...]] = dict(
             in_portions(
-                executor or this_process(),
+                executor or Executor(),
                 scans,
                 _beams_of_each,
                 lambda places: ([scans[k].points for k in places], voxel),

@@ -25,10 +25,9 @@ def in_portions(
         task: takes the arguments that `needs` returns for a portion's positions when the portion is begun.
     """
     portions = _portions([len(scan.points) for scan in scans])
-    # a portion is a job, and a piece of work
-    pieces = executor.run(_of_piece, portions, 1, lambda piece: (task, needs(piece[0])))
-    for places, (result,) in pieces:
-        yield portions[places.start], result
+    arguments = ((task, needs(places)) for places in portions)
+    for number, result in executor.run(_in_one_thread, arguments):
+        yield portions[number], result
 
 
 def _portions(sizes: Sequence[int]) -> list[range]:
@@ -43,7 +42,7 @@ def _portions(sizes: Sequence[int]) -> list[range]:
     return [*portions, range(start, len(sizes))]
 
 
-def _of_piece(_: Sequence[range], task: Callable[..., _Result], needs: tuple[Any, ...]) -> list[_Result]:
+def _in_one_thread(task: Callable[..., _Result], needs: tuple[Any, ...]) -> _Result:
     # the rounding of BLAS depends on the number of its threads
     with threadpool_limits(1, "blas"):
-        return [task(*needs)]
+        return task(*needs)

@@ -242,16 +242,17 @@ def _kept(pairs: int, journal: Path, fresh: bool) -> str:
 def _workers(
     method: ConfiguredMethod, prepared: int, options: ExecutionOptions
 ) -> "Iterator[tuple[PairWorker, Executor]]":
-    from sonarmap.slam.execute.executor import processes, this_process
+    from sonarmap.slam.execute.executor import Executor
+    from sonarmap.slam.execute.processes import spawned
     from sonarmap.slam.execute.worker import Worker
     from sonarmap.tools.methods.fingerprint import worker_spec
 
     if options.processes > 1:
         spec = worker_spec(method.name, method.setup, method.registrar, prepared)
-        with processes(options.processes) as executor:
-            yield spec, executor
+        with spawned(options.processes) as pool:
+            yield spec, Executor(pool, options.processes)
     else:
-        yield Worker(method.registrar, prepared), this_process()
+        yield Worker(method.registrar, prepared), Executor()
 
 
 def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: bool) -> "Corrections":

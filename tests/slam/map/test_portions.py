@@ -6,7 +6,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from sonarmap.slam.execute.executor import Executor, processes, this_process
+from sonarmap.slam.execute.executor import Executor
+from sonarmap.slam.execute.processes import spawned
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map import crossing, portions
 from sonarmap.slam.map.crossing import crossing_error
@@ -30,8 +31,8 @@ def scans() -> list[Scan]:
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Executor]:
-    with processes(2) as executor:
-        yield executor
+    with spawned(2) as pool:
+        yield Executor(pool, 2)
 
 
 def maps_of(scans: list[Scan], executor: Executor | None) -> list[PointMap]:
@@ -58,7 +59,7 @@ def test_two_workers_and_any_portions_give_the_same_maps(
     assert len(expected[1].points)
     for count in (1, 5):
         monkeypatch.setattr(portions, "_MOST_SCANS", count)
-        for executor in (this_process(), workers):
+        for executor in (Executor(), workers):
             for one, other in zip(maps_of(scans, executor), expected, strict=True):
                 assert_same(one, other)
 
@@ -84,5 +85,5 @@ def test_portions_are_consecutive_scans_with_few_enough_points(monkeypatch: pyte
     monkeypatch.setattr(portions, "_MOST_POINTS", 100)
     monkeypatch.setattr(portions, "_MOST_SCANS", 3)
     scans = [Scan(np.ones((size, 3), np.float32)) for size in (60, 40, 1, 250, 10, 10, 10, 10)]
-    done = dict(in_portions(this_process(), scans, sum, lambda places: ([len(scans[k].points) for k in places],)))
+    done = dict(in_portions(Executor(), scans, sum, lambda places: ([len(scans[k].points) for k in places],)))
     assert done == {range(2): 100, range(2, 3): 1, range(3, 4): 250, range(4, 7): 30, range(7, 8): 10}

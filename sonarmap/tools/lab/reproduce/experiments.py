@@ -280,10 +280,10 @@ def begin(processes: WorkerProcesses) -> None:
     _experiment = create_from(processes.module, replace(processes.request, device=choose_device(processes.device)))
 
 
-def run_in_worker(groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
-    """Run groups of jobs of the experiment that `begin` created in this process."""
+def run_in_worker(jobs: Sequence[str]) -> list[JobResult]:
+    """Run jobs of the experiment that `begin` created in this process."""
     assert _experiment is not None, "`begin` was not called in this process"
-    return [[run_job(_experiment, job) for job in group] for group in groups]
+    return [run_job(_experiment, job) for job in jobs]
 
 
 def run_job(experiment: Experiment, job: str) -> JobResult:

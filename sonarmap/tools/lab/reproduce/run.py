@@ -10,8 +10,9 @@ from typing import Any
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute.executor import processes
+from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.execute.journal import Journal, JournalEntry
+from sonarmap.slam.execute.processes import spawned
 from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.lab.bench.timing import count_cores, processor_name
@@ -163,11 +164,10 @@ def _running(
     batches: dict[str, list[str]] = {}
     for job in jobs:  # jobs that differ only in their last part share work
         batches.setdefault(job.rpartition("/")[0] or job, []).append(job)
-    with (
-        processes(options.workers.count, begin, options.workers) as executor,
-        closing(executor.run(run_in_worker, list(batches.values()), together=1)) as pieces,
-    ):
-        yield (group for _, results in pieces for group in results)
+    with spawned(options.workers.count, begin, options.workers) as pool:
+        executor = Executor(pool, options.workers.count)
+        with closing(executor.run(run_in_worker, ((batch,) for batch in batches.values()))) as groups:
+            yield (group for _, group in groups)
 
 
 def _entry(key: str, name: str, result: JobResult) -> JournalEntry:
