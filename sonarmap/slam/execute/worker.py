@@ -1,10 +1,9 @@
 """Workers, which register pairs by a registrar with its latest prepared scans, in this or in another process."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from threading import Lock, Timer
-from time import monotonic, perf_counter
+from time import perf_counter
 from typing import Any, Protocol
 
 from threadpoolctl import ThreadpoolController
@@ -22,7 +21,6 @@ from sonarmap.spectral.result import Registrar
 _MIN_PREPARED = 8
 _MAX_PREPARED = 16
 _MEMORY_DIVISOR = 8  # the device's memory, over the part that prepared scans may take
-IDLE = 60.0  # [s] without work, as while a large map is fused, after which a process frees its worker
 
 
 def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
@@ -131,42 +129,14 @@ class WorkerSpec:
     prepared: int  # number of prepared scans to keep, at least 2
 
     def run(self, jobs: Sequence[Job]) -> list[TimedText]:
-        """`Worker.run` of the calling process's worker, which is made on the first call."""
-        with _worker_of_process(self) as worker:
-            return worker.run(jobs)
+        """`Worker.run` of the calling process's worker, which is made on the first call and kept until the end."""
+        if self.key not in _workers:
+            _workers.clear()  # the device's memory suffices for one
+            _workers[self.key] = Worker(self.make(), self.prepared)
+        return _workers[self.key].run(jobs)
 
     def release(self) -> None:
         """Nothing to free: the process that hands out the work has no worker."""
 
 
-# The worker of this process; the lock is for the thread of the timer that frees it.
-_lock = Lock()
-_workers: dict[tuple[str, int], Worker] = {}
-_last_used = 0.0
-_idle_timer: Timer | None = None
-
-
-@contextmanager
-def _worker_of_process(spec: WorkerSpec) -> Iterator[Worker]:
-    global _last_used, _idle_timer
-    key = (spec.key, spec.prepared)
-    with _lock:
-        if _idle_timer is not None:
-            _idle_timer.cancel()
-        if key not in _workers:
-            _workers.clear()  # the device's memory suffices for one
-            _workers[key] = Worker(spec.make(), spec.prepared)
-        try:
-            yield _workers[key]
-        finally:
-            _last_used = monotonic()
-            _idle_timer = Timer(IDLE, _release_if_idle)
-            _idle_timer.daemon = True
-            _idle_timer.start()
-
-
-def _release_if_idle() -> None:
-    """Free this process's worker, and its device's memory, if no work came while this waited for the lock."""
-    with _lock:
-        if monotonic() - _last_used >= IDLE:
-            _workers.clear()
+_workers: dict[str, Worker] = {}  # the worker of this process, by the key of its specification
