@@ -11,7 +11,7 @@ from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.verdict import with_contradictions
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
-from sonarmap.slam.execute.worker import prepared_limit
+from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.slam.free_pairs import errors_shown, register_freely
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.pose_covariance import pose_covariances
@@ -113,7 +113,7 @@ class Mapper:
         self.registrar = registrar
         self.voxel = voxel
         self.settings = settings or MapperSettings()
-        self.execution = execution or Execution.here(registrar, self.settings.prepared or prepared_limit(registrar))
+        self.execution = execution or Execution(Worker(registrar, self.settings.prepared or prepared_limit(registrar)))
 
     def run(
         self,

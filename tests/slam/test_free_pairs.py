@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.free_pairs import errors_shown, register_freely
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -62,7 +63,7 @@ def test_few_pairs_are_registered_and_only_with_priors_within_a_survey() -> None
     measured, registrar = priors([1] * 6), Truthful()
     points = np.random.default_rng(0).random((COUNT, 1, 3), np.float32)
     scans = [Scan(points[k], stamp=float(k), prior=measured[k], name=f"s{k}") for k in range(COUNT)]
-    runner = PairRunner(Execution.here(registrar, 2), scans, 0, None)
+    runner = PairRunner(Execution(Worker(registrar, 2)), scans, 0, None)
     one = np.zeros(COUNT, np.intp)
     pairs = register_freely(runner, scans, one)
     assert 8 <= len(registrar.registered) <= 16

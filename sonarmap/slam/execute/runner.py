@@ -11,9 +11,8 @@ from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.execute.job import Job, KeyedScan, PairJob, job_key, job_label
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text
-from sonarmap.slam.execute.worker import PairWorker, TimedText, Worker
+from sonarmap.slam.execute.worker import PairWorker, TimedText
 from sonarmap.slam.pair import Candidate, RegisteredPair
-from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
 
 
@@ -56,11 +55,6 @@ class Execution:
     journal: Journal | None = None  # keeps results for later runs; None for no journal
     method: str = ""  # the journal's key of all that determines the result of a pair except its scans
     timings: Timings = field(default_factory=Timings)  # updated during the run
-
-    @classmethod
-    def here(cls, registrar: Registrar, prepared: int) -> "Execution":
-        """Execution in this process without a journal; `prepared` is the number of prepared scans to keep, >= 2."""
-        return cls(Worker(registrar, prepared))
 
 
 @dataclass(slots=True)

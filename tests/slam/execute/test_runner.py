@@ -16,6 +16,7 @@ from sonarmap.slam.execute.journal import Journal
 from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.pair import Candidate
 from tests.samples.survey_worker import Knowing, worker_spec
 from tests.samples.surveys import ring_poses, scans_of
@@ -37,7 +38,7 @@ class Work:
         with Journal(self.journal) as journal:
             match kind.split():
                 case ["here"]:
-                    here = Execution.here(Knowing(COUNT, self.notes, ending), 3)
+                    here = Execution(Worker(Knowing(COUNT, self.notes, ending), 3))
                     yield replace(here, journal=journal, method="knowing")
                 case ["processes", workers]:
                     with spawned(int(workers)) as pool:

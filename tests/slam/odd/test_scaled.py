@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.odd.odd_scan import Change
 from sonarmap.slam.odd.scaled import ScaledScans, find_scaled
@@ -51,7 +52,7 @@ def scaled_by(scale: float, group: Collection[int]) -> list[Scan]:
 def found(group: Collection[int], scale: float, registrar: KnowingRegistrar) -> ScaledScans | None:
     """In what registrations of scans up to three apart say."""
     scans = scaled_by(scale, group)
-    runner = PairRunner(Execution.here(registrar, 2), scans, 0, None)
+    runner = PairRunner(Execution(Worker(registrar, 2)), scans, 0, None)
     near = [Candidate(i, i + apart, "loop") for apart in (1, 2, 3) for i in range(COUNT - apart)]
     return find_scaled(runner, scans, runner.register(near))
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Candidate, RegisteredPair
@@ -109,7 +110,7 @@ def test_idle_workers_register_ahead_and_the_key_scans_are_the_same() -> None:
         return reach(i, j, given) if distance(i, j) < widest else replace(given, accepted=False, probability=0.0)
 
     def searched(workers: int) -> tuple[list[int], list[tuple[int, int]], list[int]]:
-        here = Execution.here(KnowingRegistrar(STREAM, COVARIANCE, spoil), 2)
+        here = Execution(Worker(KnowingRegistrar(STREAM, COVARIANCE, spoil), 2))
         executor = replace(here.executor, workers=workers)
         runner, at_a_time = PairRunner(replace(here, executor=executor), SCANS, 2, None), list[int]()
         register = runner.register
@@ -284,7 +285,7 @@ def test_strides_stay_long_along_a_wall() -> None:
 
     def strides(place: float) -> np.ndarray:
         registrar = KnowingRegistrar(STREAM, COVARIANCE, partial(along, place))
-        runner = PairRunner(Execution.here(registrar, 2), SCANS, 2, None)
+        runner = PairRunner(Execution(Worker(registrar, 2)), SCANS, 2, None)
         keys, _ = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
         return np.diff([k for k in keys if COUNT // 3 <= k < 2 * COUNT // 3])
 

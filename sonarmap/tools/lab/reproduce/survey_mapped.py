@@ -47,13 +47,13 @@ def _map(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: st
     """Map in this process."""
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.slam.execute.runner import Execution
-    from sonarmap.slam.execute.worker import prepared_limit
+    from sonarmap.slam.execute.worker import Worker, prepared_limit
     from sonarmap.slam.mapper import Mapper
     from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.memory import peak_memory
 
     registrar = SpectralRegistrar(choose_device(device), grid)
-    execution = Execution.here(registrar, prepared_limit(registrar))
+    execution = Execution(Worker(registrar, prepared_limit(registrar)))
     start = perf_counter()
     result = Mapper(registrar, grid.voxel, execution=execution).run(scans, surveys=surveys)
     return replace(mapped_of(result), seconds=perf_counter() - start, memory=peak_memory())
