@@ -10,7 +10,7 @@ from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 import sonarmap.slam.execute.executor  # noqa: F401 - transforms on their way to other processes
-from sonarmap.slam.execute.job import KeyedScan, PairJob, content_key, job_key
+from sonarmap.slam.execute.job import KeyedScan, PairJob, content_key, job_key, job_label
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -68,3 +68,8 @@ class TestKeys:
             Scan(POINTS, prior=PosePrior(RigidTransform.identity(), known.sigmas)),
         ]
         assert len({content_key(scan) for scan in scans}) == len(scans)
+
+
+def test_a_label_can_be_stored_whatever_bytes_a_file_name_has() -> None:
+    named = KeyedScan.of(replace(A, name="3 \udcff\n深"))
+    assert job_label(PairJob(named, KeyedScan.of(A))) == "3 \\udcff\n深 - a"
