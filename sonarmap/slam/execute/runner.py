@@ -141,38 +141,33 @@ class PairRunner:
 
     def _results(self, jobs: Sequence[Job]) -> Iterator[tuple[int, TimedText, bool]]:
         """Every job's index and result, and whether it is from the journal; those come first, others once done."""
-        journaled = [self._journaled(job) for job in jobs]
+        keys = [job_key(job, self._execution.method) for job in jobs]
+        journaled = [self._journaled(key, job) for key, job in zip(keys, jobs, strict=True)]
         yield from ((n, text, True) for n, text in enumerate(journaled) if text is not None)
         missing = [n for n, text in enumerate(journaled) if text is None]
         executor, journal = self._execution.executor, self._execution.journal
-
         pieces = [[missing[k] for k in piece] for piece in executor.pieces(len(missing))]
         arguments = (([jobs[n] for n in piece],) for piece in pieces)
         for number, texts in executor.run(self._execution.worker.run, arguments):
             done = list(zip(pieces[number], texts, strict=True))
             if journal is not None:
-                journal.add([self._entry(jobs[n], text) for n, text in done])
+                entries = (JournalEntry(keys[n], job_label(jobs[n]), text.content, text.seconds) for n, text in done)
+                journal.add(list(entries))
             yield from ((n, text, False) for n, text in done)
 
-    def _journaled(self, job: Job) -> TimedText | None:
+    def _journaled(self, key: str, job: Job) -> TimedText | None:
         """The journal's result of a job; None if there is none.
 
         A failure is used only if the scans have the same names, as its message has these.
         """
         journal = self._execution.journal
-        entry = None if journal is None else journal.entry(self._key(job))
+        entry = None if journal is None else journal.entry(key)
         if entry is None:
             return None
         failed = not isinstance(job, KeyedScan) and from_text(entry.content)[0] is None
         if failed and entry.label != job_label(job):
             return None
         return TimedText(entry.content, entry.seconds)
-
-    def _entry(self, job: Job, text: TimedText) -> JournalEntry:
-        return JournalEntry(self._key(job), job_label(job), text.content, text.seconds)
-
-    def _key(self, job: Job) -> str:
-        return job_key(job, self._execution.method)
 
 
 def _result_in_words(pair: RegisteredPair) -> str:
