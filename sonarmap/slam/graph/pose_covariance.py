@@ -3,7 +3,8 @@
 A registration's covariance has to hold for every sonar, and is too wide for most. The scale of a survey's errors
 follows from its cycles, as chi-squared over its degrees of freedom. Errors that registrations share do not show there:
 all registrations of a scan share its noise, so edges err by more than cycles show; and all steps of a survey are a
-little too short, as the gaps, rims and lobes of scans move with the sensor, so pose errors grow with the distance.
+little too short, as the gaps, rims and lobes of scans move with the sensor, so pose errors grow with the distance;
+and steps that the usual motion holds have its error in common.
 Instruments' measurements keep their stated errors. docs/measured has the simulated surveys behind the constants.
 """
 
@@ -22,7 +23,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.tangent import adjoint
 
 _EDGE_VARIANCE = 13.0  # variance of an edge's error, over that which cycles show
-_SCALE_VARIANCE = 0.02  # variance of the scale error that all steps share, over a step's own
+_SHARED = 0.02  # share of the variance of registered steps that is a scale error of all of them
 _TAIL_FREEDOM = 4.0  # degrees of freedom of Student's t distribution of the errors
 _REWEIGHTINGS = 4  # iterations of reweighted least squares
 _PRIOR_QUOTIENT = 0.15  # chi-squared over its degrees of freedom that is expected of a graph without loops
@@ -62,7 +63,7 @@ def pose_covariances(solution: Solution) -> np.ndarray:
         solution: of a graph that has been `weighed`.
     """
     marginals, T = solution.covariances(), solution.trajectory.T_world_sensor
-    graph, scale_variance = solution.graph, _scale_variance(solution)
+    graph, (scale, motion) = solution.graph, _shared_variances(solution)
     measured = np.zeros_like(marginals)
     for known in graph.gauge.all_known:
         measured[known.pose] += _in_body(known, T[known.pose])
@@ -72,10 +73,12 @@ def pose_covariances(solution: Solution) -> np.ndarray:
         held = [k for k in component if k in holding]
         middle = T[held[0]].translation if held else T[list(component)].translation.mean(axis=0)
         for k in component:
-            # the common scale error grows with the distance from where the component is held
-            offset = T[k].rotation.inv().apply(T[k].translation - middle)
+            # errors that steps share grow with the distance from where the component is held
+            R = T[k].rotation.as_matrix()
+            offset = R.T @ (T[k].translation - middle)
+            shared = scale * np.outer(offset, offset) + (offset @ offset) * R.T @ np.diag(motion) @ R
             by_edges = _positive(inverse_definite(marginals[k]) - measured[k])
-            result[k] = np.linalg.inv(_widened(by_edges, scale_variance * np.outer(offset, offset)) + measured[k])
+            result[k] = np.linalg.inv(_widened(by_edges, shared) + measured[k])
     for k in graph.anchors:
         result[k] = marginals[k]
     return (result + result.swapaxes(1, 2)) / 2
@@ -126,13 +129,25 @@ def _widened(information: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return information - across @ np.linalg.solve(np.eye(3) + shift @ information[3:, 3:], shift @ across.T)
 
 
-def _scale_variance(solution: Solution) -> float:
-    """Variance of the relative scale error that all steps share, from the median step."""
-    shares: list[float] = []
+def _shared_variances(solution: Solution) -> tuple[float, np.ndarray]:
+    """Variances of the relative errors that all steps share, from the median step: of their length, by registrations,
+    and (3,) along the component's axes, by the usual motion that holds steps where the scans do not."""
+    scales: list[float] = []
+    motions: list[np.ndarray] = []
     for edge in solution.graph.edges:
-        T = edge.registration.T_target_source
+        registration = edge.registration
+        T, by_scans = registration.T_target_source, registration.covariance_by_scans
         length = float(np.linalg.norm(T.translation))
         if edge.kind == "sequential" and length > 0:
             along = T.rotation.inv().apply(T.translation / length)
-            shares.append(float(along @ edge.registration.covariance[3:, 3:] @ along) / length**2)
-    return _SCALE_VARIANCE * float(np.median(shares)) if shares else 0.0
+            covariance = registration.covariance
+            scales.append(_SHARED * float(along @ covariance[3:, 3:] @ along) / length**2)
+            # with information S^-1 of the scans and M^-1 of the motion, the motion's part of C is C M^-1 C
+            held = (
+                np.zeros((6, 6))
+                if by_scans is None
+                else covariance - covariance @ np.linalg.solve(by_scans, covariance)
+            )
+            R = solution.trajectory.T_world_sensor[edge.j].rotation.as_matrix()
+            motions.append(np.diag(R @ held[3:, 3:] @ R.T) / length**2)
+    return (float(np.median(scales)), np.median(motions, axis=0)) if scales else (0.0, np.zeros(3))
