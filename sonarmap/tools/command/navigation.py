@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.readers.navigation.settings import NavFrame, NavigationSettings
     from sonarmap.tools.files.time_scales import TimeScale
 
-AUTO = "auto"
 DEFAULT_DRIFT = "1,10"
 _rare = partial(NAVIGATION.option, rare=True)
 
@@ -121,11 +120,7 @@ class NavigationReading:
         "Time scale of log times without a time zone: utc, gps or tai.",
         shown="utc",
     )
-    nav_offset: str | None = _rare(
-        "S",
-        "Add S to the log's times \\[s]; auto estimates S from the sonar's turn rates.",
-        shown="0",
-    )
+    nav_offset: float | None = _rare("S", "Add S to the log's times \\[s].", shown="0")
     nav_crs: str | None = _rare("CRS", "CRS of the log's eastings and northings, e.g. EPSG:32632.")
     nav_frame: str | None = _rare(
         "NAME",
@@ -164,7 +159,7 @@ class NavigationReading:
         frame = cast("NavFrame | None", self.nav_frame)  # NavigationSettings refuses other names
         return NavigationSettings(
             time_scale=cast("TimeScale | None", self.time_scale),
-            offset=_offset("0" if self.nav_offset is None else self.nav_offset),
+            offset=0.0 if self.nav_offset is None else self.nav_offset,
             crs=self.nav_crs,
             origin=origin,
             heading_reference="true" if self.heading_reference is None else self.heading_reference,
@@ -177,26 +172,16 @@ class NavigationReading:
         )
 
 
-def _offset(text: str) -> float | None:
-    if text == AUTO:
-        return None
-    try:
-        return float(text)
-    except ValueError as error:
-        raise InputError(f"--nav-offset is {text!r}; wanted seconds, or auto") from error
-
-
 def scans_with_priors(
     scans: "Sequence[Scan]",
     file: PriorsFile,
     settings: "NavigationSettings",
     use_imu: bool = True,
     allow_unknown: bool = False,
-    files: "Sequence[Path]" = (),
 ) -> "Navigated":
     """The scans with the priors of the file, or without a file with the attitude of their recording's IMU if `use_imu`.
     Messages say which of the two is used, and how many scans have no prior. `allow_unknown`: the file may have rows for
-    other scans. `files` are the scans' recordings, whose IMU --nav-offset auto compares with the log."""
+    other scans."""
     from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate
 
     with_imu = sum(scan.prior is not None for scan in scans)
@@ -212,12 +197,8 @@ def scans_with_priors(
     if not file.priors:
         return Navigated(tuple(scans), settings.origin)
     settings = replace(settings, sigmas=file.sigmas or settings.sigmas)
-    notes, turn_rates = list[str](), None
-    if settings.offset is None:
-        from sonarmap.tools.files.readers.navigation.odometry import vertical_turn_rates
-
-        turn_rates = vertical_turn_rates(files)
-    navigated = navigate(scans, file.priors, settings, allow_unknown, notes, turn_rates)
+    notes = list[str]()
+    navigated = navigate(scans, file.priors, settings, allow_unknown, notes)
     bare = [scan.name for scan in navigated.scans if scan.prior is None]
     if bare:
         more = " ..." if len(bare) > 1 else ""

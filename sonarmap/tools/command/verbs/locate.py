@@ -77,7 +77,7 @@ def command(
     for note in read.notes:
         say(note)
     navigation = reading.settings(*priors.priors, origin=folder.georeference)
-    scans = scans_with_priors(read.scans, priors, navigation, imu, allow_unknown=True, files=read.files).scans
+    scans = scans_with_priors(read.scans, priors, navigation, imu, allow_unknown=True).scans
     configured = configure_method(surveyed.key_scans(), view.method, survey=True)
     assert isinstance(configured.registrar, SpectralRegistrar)  # ViewOptions has no other method
     results: list[Located] = []

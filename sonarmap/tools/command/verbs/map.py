@@ -262,7 +262,7 @@ def _navigate(
     if read.patches and use_imu:
         navigated = navigated_lines(read, priors, navigation)
     else:
-        navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread), read.files)
+        navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread))
     if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in navigated.scans):
         raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
     return replace(read, scans=navigated.scans), navigated.georeference

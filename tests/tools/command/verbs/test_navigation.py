@@ -73,7 +73,6 @@ def test_the_summary_holds_the_options_of_the_log(folder: Path) -> None:
     ("options", "words"),
     [
         (("--nav-frame", "xyz"), ["--nav-frame is 'xyz'", "frd, ned, flu, enu"]),
-        (("--nav-offset", "soon"), ["--nav-offset is 'soon'", "auto"]),
         (("--heading-reference", "magnetic"), ["--magnetic-declination DEG"]),
         (("--mount", "1,2"), ["--mount is '1,2'", "--mount 0,-30,0"]),
     ],

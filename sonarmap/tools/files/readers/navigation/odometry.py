@@ -18,7 +18,7 @@ from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIG
 from sonarmap.tools.files.readers.navigation.log import SAME_STAMP
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
-from sonarmap.tools.files.readers.navigation.time_offset import why_apart
+from sonarmap.tools.files.readers.navigation.why_apart import why_apart
 from sonarmap.tools.files.readers.selection import is_bag_folder, part_of_file
 from sonarmap.tools.files.readers.trajectory import poses_at
 
@@ -77,7 +77,7 @@ def _trajectory(path: Path, settings: NavigationSettings, stamps: np.ndarray, no
     else:
         T_odom_vehicle, times = _read_log(path, settings, stamps, notes)
     T = T_odom_vehicle * settings.mount.T_vehicle_sensor if settings.mount else T_odom_vehicle
-    return Trajectory(times + (settings.offset or 0.0), T)
+    return Trajectory(times + settings.offset, T)
 
 
 def _read_log(
@@ -110,13 +110,6 @@ def turn_rates_of(files: Sequence[Path], scans: Sequence[Scan]) -> TurnRates | N
     points, so that none needs them."""
     known = None if all(scan.times is None for scan in scans) else _turn_rates(files)
     return known if known is not None and len(known.times) > 1 else None
-
-
-def vertical_turn_rates(files: Sequence[Path]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Times (n,) [s], ascending, and turn rates about the sensor's z axis (n,) [rad/s], positive to the left, about
-    equal to those of the heading of a level sensor; None if no file has an IMU."""
-    known = _turn_rates(files)
-    return None if known is None else (known.times, known.rates[:, 2])
 
 
 def _turn_rates(files: Sequence[Path]) -> TurnRates | None:

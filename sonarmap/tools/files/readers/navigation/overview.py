@@ -32,8 +32,8 @@ from sonarmap.tools.files.readers.navigation.settings import (
     NavigationSettings,
     local_places,
 )
-from sonarmap.tools.files.readers.navigation.time_offset import why_apart
 from sonarmap.tools.files.readers.navigation.times import TimeCells, times_of
+from sonarmap.tools.files.readers.navigation.why_apart import why_apart
 from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.files.time_scales import Clock, clock_of
 from sonarmap.tools.files.user_file import naming, reading, require_file
@@ -153,7 +153,7 @@ def log_overview(path: Path, settings: NavigationSettings, stamps: np.ndarray) -
     """The overview of a log, compared with scans at `stamps`, (N,) [s], N >= 0."""
     notes: list[str] = []
     log = read_navigation(path, settings, None, stamps, notes)
-    log = replace(log, times=log.times + (settings.offset or 0.0))
+    log = replace(log, times=log.times + settings.offset)
     usable, faults = usable_rows(log, settings.fastest)
     is_series, covered, apart = log.key == "stamp", dict[str, int](), ""
     if is_series and len(stamps):

@@ -26,7 +26,7 @@ from sonarmap.tools.files.readers.navigation.log import (
 )
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, by_the_maps_north, grid_of
-from sonarmap.tools.files.readers.navigation.time_offset import estimate_offset, heading_rates, why_apart
+from sonarmap.tools.files.readers.navigation.why_apart import why_apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,15 +59,12 @@ def navigate(
     settings: NavigationSettings = AS_IT_SAYS,
     allow_unknown: bool = False,
     notes: list[str] | None = None,
-    turn_rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Navigated:
     """Scans with priors from one or several navigation files; a scan without measurements has none.
 
     Args:
         paths: the files. They may measure different quantities, or different scans.
         allow_unknown: whether rows of other scans are ignored; else they are refused.
-        turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
-            which the offset of the navigation's clock is estimated if the settings' offset is None.
     """
     notes = [] if notes is None else notes
     paths = [paths] if isinstance(paths, Path) else paths
@@ -77,7 +74,7 @@ def navigate(
     origin, on_earth = settings.origin, list[Path]()
     for path in paths:
         own = replace(settings, origin=origin, are_shared=settings.are_shared or len(paths) > 1)
-        of_file, here = _of_scans(scans, path, own, allow_unknown, notes, turn_rates)
+        of_file, here = _of_scans(scans, path, own, allow_unknown, notes)
         of_files.append(of_file)
         origin, on_earth = here or origin, on_earth + [path] * (here is not None)
     priors = _merged(scans, paths, of_files)
@@ -99,16 +96,14 @@ def _of_scans(
     settings: NavigationSettings,
     allow_unknown: bool,
     notes: list[str],
-    turn_rates: tuple[np.ndarray, np.ndarray] | None,
 ) -> tuple[list[PosePrior | None], Georeference | None]:
     """Priors of the scans from one file, for the vehicle if the sonar's mount is given; and the georeference of the
     origin of x and y, None if unknown."""
     stamps = np.array([scan.stamp for scan in scans], np.float64)
     log = read_navigation(path, settings, settings.sigmas, stamps, notes)
-    offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
     defaults = [settings.sigmas.get(column, np.nan) for column in COLUMNS]
     sigmas = np.where(np.isnan(log.sigmas), defaults, log.sigmas)
-    log = replace(log, sigmas=sigmas, times=log.times + offset)
+    log = replace(log, sigmas=sigmas, times=log.times + settings.offset)
     if log.key == "stamp" and _is_series(stamps, log):
         log, faults = usable_rows(log, settings.fastest)
         notes += [f"{path}: {note}" for note in fault_notes(faults)]
@@ -136,20 +131,6 @@ def _merged(
         raise InputError(f"{one} and {other} both give {COLUMNS[column]} of {scans[k].name}; delete one")
     together = zip(np.fmax.reduce(values), np.fmax.reduce(sigmas), strict=True)
     return [prior_of(*row) if np.isfinite(row[0]).any() else None for row in together]
-
-
-def _estimated_offset(
-    path: Path, log: NavigationLog, turn_rates: tuple[np.ndarray, np.ndarray] | None, notes: list[str]
-) -> float:
-    """Offset to add to the navigation's times so that its headings turn when the sonar does [s]."""
-    if turn_rates is None:
-        raise InputError("--nav-offset auto needs the sonar's own turn rates, which the scans' files do not have")
-    offset = estimate_offset(*heading_rates(log.times, log.values[:, 2]), *turn_rates)
-    notes.append(
-        f"{path}: {offset.seconds:+.2f} s are added to its times, by the turn rates (standard deviation "
-        f"{offset.sigma:.2g} s, correlation {offset.correlation:.2f})"
-    )
-    return offset.seconds
 
 
 def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unknown: bool) -> list[PosePrior | None]:

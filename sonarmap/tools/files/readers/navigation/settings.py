@@ -83,7 +83,7 @@ class NavigationSettings:
     # {quantity: the heading of its column}, for headings that are not recognized
     columns: MappingProxyType[str, str] = field(default_factory=lambda: _NOTHING)
     time_scale: TimeScale | None = None  # of times without a zone; None for UTC, or GPS time with GPS weeks
-    offset: float | None = 0.0  # added to the file's times [s]; None to estimate it from turn rates
+    offset: float = 0.0  # added to the file's times [s]
     crs: str | None = None  # of eastings and northings, as EPSG:32632
     origin: Georeference | None = None  # of the map's frame; None for the first fix, if the file has geographic ones
     heading_reference: str = "true"  # "true" or "grid" (the North of `crs`, or of the UTM zone)
@@ -104,7 +104,7 @@ class NavigationSettings:
         if self.heading_reference == "magnetic":
             raise InputError("--heading-reference magnetic: give --magnetic-declination DEG (East positive) instead")
         _require_one_of("--heading-reference", self.heading_reference, HEADING_REFERENCES)
-        if self.offset is not None and not abs(self.offset) <= _MAX_OFFSET:
+        if not abs(self.offset) <= _MAX_OFFSET:
             raise InputError(f"--nav-offset is {self.offset:g}; wanted seconds within {_MAX_OFFSET:g}")
         if self.declination is None:
             return
