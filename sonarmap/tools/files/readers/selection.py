@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import glob
 import re
-import shlex
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
@@ -18,7 +16,6 @@ from sonarmap.tools.files.user_file import read_json, require_file
 BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # file in a ROS 2 bag folder, and its key
 _BAG_FILES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
 _TABLES = (PRIORS, PAIRS)
-_MOST_LOOKED, _FEW = 10_000, 4  # entries searched below a folder, and folders that a message lists
 _PART = re.compile(r"(.+?)(?:::(/?\w[\w/~-]*))?(?:#(\d{1,9}))?", re.ASCII | re.DOTALL)
 
 
@@ -29,7 +26,7 @@ class Selection:
     files: tuple[SelectedFile, ...]  # in natural order
     reordered: bool  # whether they were given in another order
     repeated: tuple[Path, ...] = ()  # files that more than one of the paths name
-    passed_over: tuple[str, ...] = ()  # messages about files that were not selected: scans in subfolders, a map
+    passed_over: tuple[str, ...] = ()  # messages about files that were not selected: those of a map
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,39 +80,12 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
                 repeated[chosen[same].path] = None
     as_given = list(chosen.values())
     files = sorted(as_given, key=_order)
-    folders = [Path(path) for path in paths if Path(path).is_dir() and not is_bag_folder(Path(path))]
-    named = {each.path.parent.resolve() for each in files}
-    passed_over = [words for folder in folders if (words := _passed_over(folder, files, named, skipped))]
-    for folder in sorted({*folders, *(each.path.parent for each in files)}):
+    passed_over = list[str]()
+    for folder in sorted({each.path.parent for each in files}):
         outputs = {path for path in _outputs(folder) if _is_scan(path, suffixes, ())} - {each.path for each in files}
         if listed := ", ".join(sorted(path.name for path in outputs)):
             passed_over.append(f"{folder} also holds a finished map, whose files are no scans: left out {listed}")
     return Selection(tuple(files), files != as_given, tuple(repeated), tuple(passed_over))
-
-
-def _passed_over(
-    folder: Path, files: Sequence[SelectedFile], named: Collection[Path], skipped: Collection[Path]
-) -> str:
-    """Message about subfolders of `folder` that hold scans in the same formats but were not named; empty if none do."""
-    suffixes = sorted({each.path.suffix.lower() for each in files if each.path.parent == folder})
-    below = [each for each in _folders_below(folder, suffixes, skipped) if each.resolve() not in named]
-    return f"{folder} has subfolders with scans, which are not read: {_names(folder, below, suffixes)}" if below else ""
-
-
-def _folders_below(folder: Path, suffixes: Collection[str], skipped: Collection[Path]) -> list[Path]:
-    """The subfolders of `folder` that hold scans, in natural order, without finished maps and ROS 2 bags."""
-    paths = islice(folder.rglob("*"), _MOST_LOOKED)
-    parents = {path.parent for path in paths if path.parent != folder and _is_scan(path, suffixes, skipped)}
-    of_scans = [parent for parent in parents if not (parent / SUMMARY).exists() and not is_bag_folder(parent)]
-    return sorted(of_scans, key=lambda parent: natural_key(str(parent)))
-
-
-def _names(folder: Path, below: Sequence[Path], suffixes: Collection[str]) -> str:
-    """Words for a message: the subfolders, and a pattern that selects all their scans."""
-    listed = " ".join(shlex.quote(str(each)) for each in below[:_FEW])
-    more = f" and {len(below) - _FEW} more" if len(below) > _FEW else ""
-    kind = next((each.suffix for each in sorted(below[0].iterdir()) if each.suffix.lower() in suffixes), "")
-    return f"{listed}{more}. Name them, or all with the pattern {shlex.quote(f'{folder}/**/*{kind}')}"
 
 
 def _order(selected: SelectedFile) -> tuple[tuple[tuple[str, int], ...], int]:
@@ -132,7 +102,7 @@ def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> 
     path = Path(text)
     try:
         if path.is_dir() and not is_bag_folder(path):
-            return _scans_among(path.iterdir(), suffixes, skipped, f"the folder {text}", path)
+            return _scans_among(path.iterdir(), suffixes, skipped, f"the folder {text}")
         if path.exists():
             return [SelectedFile(path)]
         if (part := part_of_file(text)) is not None:
@@ -148,17 +118,15 @@ def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> 
 
 
 def _scans_among(
-    paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str, folder: Path | None = None
+    paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str
 ) -> list[SelectedFile]:
     paths, named = list(paths), len(skipped)
     skipped = {*skipped, *(path.resolve() for parent in {path.parent for path in paths} for path in _outputs(parent))}
     files = [SelectedFile(path) for path in paths if _is_scan(path, suffixes, skipped)]
     if files:
         return files
-    if folder is not None and (below := _folders_below(folder, suffixes, skipped)):
-        raise InputError(f"{where} holds no scans, but its subfolders do: {_names(folder, below, suffixes)}")
     instead = ", but a finished map: give the scans that it was made of" if len(skipped) > named else ""
-    raise InputError(f"{where} holds no scans{instead}; known formats are {', '.join(suffixes)}")
+    raise InputError(f"{where} holds no scans{instead}; known formats are {', '.join(suffixes)}; subfolders are not read")
 
 
 def _outputs(folder: Path) -> list[Path]:

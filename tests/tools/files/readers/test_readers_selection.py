@@ -112,24 +112,6 @@ def test_unusable_paths_are_refused(tmp_path, name, said):
     refuses("no scans given", read_scans, [])
 
 
-def test_folders_within_a_folder_are_named(tmp_path):
-    for name in ("dive 2/b.xyz", "dives10/a.xyz", "dives10/c.xyz", "map/map.xyz"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        put(tmp_path / name, b"1 2 3\n")
-    put(tmp_path / "map/summary.json", b"{}")
-    named = (
-        rf"^the folder {tmp_path} holds no scans, but its subfolders do: '{tmp_path}/dive 2' {tmp_path}/dives10\. Name"
-    )
-    refuses(named, read_scans, [tmp_path])
-    assert len(read_scans([tmp_path / "dive 2", f"{tmp_path}/dives10"]).scans) == 3
-    put(tmp_path / "d.xyz", b"1 2 3\n")
-    (note,) = [note for note in read_scans([tmp_path]).notes if "folders" in note]
-    assert note.startswith(f"{tmp_path} has subfolders with scans, which are not read: '{tmp_path}/dive 2'")
-    (note,) = [note for note in read_scans([tmp_path, tmp_path / "dive 2"]).notes if "folders" in note]
-    assert "dive 2" not in note
-    assert not [note for note in read_scans([f"{tmp_path}/*.xyz", tmp_path / "dives10"]).notes if "folders" in note]
-
-
 @pytest.mark.parametrize(
     ("error", "words"),
     [(PermissionError(13, "Permission denied"), "Permission denied.*permissions"), (MemoryError(), "memory")],
