@@ -249,7 +249,6 @@ def _read_scans(
         count = f"{len(read.scans)} of {len(read.scans) + len(read.unread)} scans can be read"
         raise InputError(f"{read.unread[0].reason} ({count}; a map needs at least two)")
     warn_of_some([f"skipped, which leaves a gap: {as_options(unread.reason)}" for unread in read.unread])
-    warn_of_some(read.repeated)
     require_apart(out, read.files)
     return read
 

@@ -1,4 +1,4 @@
-"""Reading scans from point cloud files of any format, with checks of units and duplicates."""
+"""Reading scans from point cloud files of any format."""
 
 import math
 from collections import Counter
@@ -31,15 +31,6 @@ FRAMES = {
 }
 # Name -> meters. The US survey foot is 1200/3937 m.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
-_SAMPLE = 1000  # points of a scan from which its size is estimated, approximately
-_LEAST_SCANS = 3  # scans needed to detect another unit: of two it is unknown which is wrong
-_LEAST_POINTS = 100  # points needed to estimate a scan's size
-# A scan whose size differs from the median by this factor is in another unit. Views of one place differ in range by a
-# factor of tens, centimeters and meters by a hundred. A scan smaller by this factor fills only three voxels of 128.
-_SIZE_FACTOR = 40.0
-_UNIT_FACTORS = {"centimeters": (40, 300), "millimeters": (300, 3000)}  # unit -> range of the factor between sizes
-_LISTED = 5  # scans that a message lists
-_HASHED_POINTS = 64  # points by which scans are hashed before a full comparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +116,6 @@ class ReadScans:
     unread: tuple[Unread, ...] = ()  # unreadable files and scans, in the same order
     # survey of each scan, 0, 1, ...: a folder is one survey, or all scans are if each is in a folder of its own
     surveys: tuple[int, ...] = ()
-    repeated: tuple[str, ...] = ()  # messages about duplicate files and scans
     # {scan: patch} of scans that are patches of survey lines; each line is a survey
     patches: Mapping[int, PingPatch] = field(default_factory=dict[int, PingPatch])
 
@@ -157,10 +147,9 @@ def read_survey(
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
     store = PointStore()
-    entries = _of_one_size([_kept(entry, store) for entry in read_entries(selection, notes, progress, corrections)])
+    entries = [_kept(entry, store) for entry in read_entries(selection, notes, progress, corrections)]
     stamps, stamp_notes = stamps_of([entry.stamp for entry in entries], [entry.is_cloud for entry in entries])
-    read = _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
-    return replace(read, repeated=tuple(repeated_in_words(selection.repeated, read.scans)))
+    return _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
 
 
 def files_of(selection: Selection) -> tuple[Path, ...]:
@@ -207,6 +196,7 @@ def read_entries(
     are appended to `notes`; other arguments as in `read_survey`."""
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
+    notes += [f"{path} is given more than once, and used once" for path in selection.repeated]
     notes.extend(selection.passed_over)
     files = files_of(selection)
     _require_known(files, corrections)
@@ -261,15 +251,6 @@ def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
     return replace(entry, scan=replace(entry.scan, **kept))
 
 
-def _of_one_size(entries: list[ScanEntry]) -> list[ScanEntry]:
-    """The entries without scans in another unit than most; survey lines, whose unit is known, are not checked."""
-    usable = {k: scan for k, entry in enumerate(entries) if (scan := entry.scan) is not None and entry.patch is None}
-    for number, reason in strange_sizes(list(usable.values())).items():
-        k = list(usable)[number]
-        entries[k] = replace(entries[k], scan=None, reason=f"{entries[k].where}: {reason}")
-    return entries
-
-
 def _all_of(
     entries: Sequence[ScanEntry], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
 ) -> ReadScans:
@@ -295,7 +276,7 @@ def _all_of(
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
     about_scans = [f"{of[0]}{f' and {len(of) - 1:,} more' * (len(of) > 1)}: {note}" for note, of in labels.items()]
-    return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys), (), patches)
+    return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys), patches)
 
 
 def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:
@@ -307,61 +288,3 @@ def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[
         return [stamp or 0.0 for stamp in own], []
     note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
     return [float(position) for position in range(len(own))], [note] if without < len(stamps) else []
-
-
-def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
-    """Messages, by scan index, about scans that are at least 40 times larger or smaller than the median of a survey, as
-    if in another unit."""
-    large = ((k, scan) for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS)
-    sizes = {k: size for k, scan in large if (size := _size(scan)) > 0}
-    if len(sizes) < _LEAST_SCANS:
-        return {}
-    median = float(np.median(list(sizes.values())))
-    strange = {k: size for k, size in sizes.items() if not 1 / _SIZE_FACTOR < size / median < _SIZE_FACTOR}
-    return {k: _in_words(size, median, size / median) for k, size in strange.items()}
-
-
-def _size(scan: Scan) -> float:
-    """The median distance of the points from their median [m], which does not depend on the frame's origin."""
-    points = scan.points[:: -(-len(scan.points) // _SAMPLE)].astype(np.float64)
-    return float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
-
-
-def _in_words(size: float, median: float, ratio: float) -> str:
-    is_larger, factor = ratio > 1, max(ratio, 1 / ratio)
-    unit = next((unit for unit, (least, most) in _UNIT_FACTORS.items() if least <= factor < most), "another unit")
-    hint = f"as if {'it was' if is_larger else 'the others were'} in {unit}"
-    return (
-        f"its points are spread over {size:.3g} m, those of the other scans over {median:.3g} m: {factor:.3g} times "
-        f"{'larger' if is_larger else 'smaller'}, {hint}; write all scans in one unit (--units says which)"
-    )
-
-
-def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
-    """Pairs (earlier, later) of scans with identical points; the earlier is the first scan with them."""
-    firsts: dict[tuple[int, bytes], list[int]] = {}
-    pairs: list[tuple[int, int]] = []
-    for k, scan in enumerate(scans):
-        candidates = firsts.setdefault((len(scan.points), scan.points[:_HASHED_POINTS].tobytes()), [])
-        earlier = next((j for j in candidates if np.array_equal(scans[j].points, scan.points)), k)
-        if earlier == k:
-            candidates.append(k)
-        else:
-            pairs.append((earlier, k))
-    return pairs
-
-
-def repeated_in_words(given_twice: Sequence[Path], scans: Sequence[Scan]) -> list[str]:
-    """Messages about files that several of the given paths name, which are read once, and about scans that are copies
-    of others."""
-    words: list[str] = []
-    if given_twice:
-        words.append(f"given more than once, and used once: {_listed([str(path) for path in given_twice])}")
-    if copies := same_points(scans):
-        named = _listed([f"{scans[later].name} of {scans[earlier].name}" for earlier, later in copies])
-        words.append(f"the same points twice: {named}; leave the copies out, as the map would count them twice")
-    return words
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else "")

@@ -126,7 +126,9 @@ def _scans_among(
     if files:
         return files
     instead = ", but a finished map: give the scans that it was made of" if len(skipped) > named else ""
-    raise InputError(f"{where} holds no scans{instead}; known formats are {', '.join(suffixes)}; subfolders are not read")
+    raise InputError(
+        f"{where} holds no scans{instead}; known formats are {', '.join(suffixes)}; subfolders are not read"
+    )
 
 
 def _outputs(folder: Path) -> list[Path]:

@@ -1,15 +1,13 @@
 """Files, folders and patterns: found, ordered, stamped and named as told; or refused, as copies are."""
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey, same_points, strange_sizes
+from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from sonarmap.tools.files.readers.selection import select_files
 from tests.samples.cloud_files import POINTS, npz, put
 from tests.samples.refusals import refuses
@@ -79,10 +77,10 @@ def test_a_file_named_by_two_paths_is_read_once(tmp_path, monkeypatch):
     read = read_scans([path, "scan.xyz", "./scan.xyz", "link/scan.xyz"])
     assert [scan.name for scan in read.scans] == ["scan"]
     assert read.files == (path,)
-    assert read.repeated == (f"given more than once, and used once: {path}",)
-    assert read_survey([path, tmp_path / "other.xyz"]).repeated == ()
+    assert f"{path} is given more than once, and used once" in read.notes
+    assert not [note for note in read_survey([path, tmp_path / "other.xyz"]).notes if "more than once" in note]
     (tmp_path / "again.xyz").symlink_to(path)
-    assert read_survey([tmp_path]).repeated != ()  # the link and its file
+    assert [note for note in read_survey([tmp_path]).notes if "more than once" in note]  # the link and its file
     assert len(read_scans([path, tmp_path / "scan.xyz", str(tmp_path / "scan*.xyz")]).scans) == 1
 
 
@@ -123,55 +121,6 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, monkeypatch, error, wor
     path = put(tmp_path / "scan.xyz", b"1 2 3\n")
     monkeypatch.setattr(Path, "read_bytes", fail)
     refuses(rf"scan\.xyz.*{words}", read_scan, path)
-
-
-def scans(*sizes: float) -> list[Scan]:
-    rng = np.random.default_rng(4)
-    return [Scan((rng.normal(size=(5000, 3)) * size).astype(np.float32)) for size in sizes]
-
-
-@pytest.mark.parametrize(
-    ("sizes", "strange", "words"),
-    [
-        ((5, 7, 6000, 4), 2, "it was in millimeters"),
-        ((0.006, 7, 6, 4), 0, "the others were in millimeters"),
-        ((5, 7, 6, 400), 3, "it was in centimeters"),
-        ((5, 0.07, 6, 9), 1, "the others were in centimeters"),
-    ],
-)
-def test_scans_in_another_unit_are_named_with_it(sizes: tuple[float, ...], strange: int, words: str) -> None:
-    named = strange_sizes(scans(*sizes))
-    assert list(named) == [strange]
-    assert words in named[strange]
-    assert "--units" in named[strange]
-
-
-def test_a_scan_in_another_unit_leaves_a_gap(tmp_path: Path) -> None:
-    for k, one in enumerate(scans(5, 7, 6000, 4)):
-        np.save(tmp_path / f"scan_{k}.npy", one.points)
-    read = read_survey([tmp_path])
-    assert [each.name for each in read.scans] == ["scan_0", "scan_1", "scan_3"]
-    assert [each.stamp for each in read.scans] == [0, 1, 3]
-    assert [(unread.where, unread.before) for unread in read.unread] == [(str(tmp_path / "scan_2.npy"), 2)]
-    assert "scan_2.npy: its points are spread over" in read.unread[0].reason
-
-
-def cloud(seed: int, name: str = "", count: int = 300) -> Scan:
-    points = np.random.default_rng(seed).normal(size=(count, 3)).astype(np.float32)
-    return Scan(points=points, name=name or f"scan_{seed}", stamp=float(seed))
-
-
-def test_only_exactly_the_same_points_are_a_copy() -> None:
-    nearly = cloud(1, "nearly")
-    points = nearly.points.copy()
-    points[-1, 2] += 1e-3  # behind what is compared first
-    scans = [cloud(1), cloud(2), replace(nearly, points=points), cloud(1, "copy"), cloud(1, "shorter", 299)]
-    assert same_points([*scans, cloud(2, "other"), cloud(1, "again")]) == [(0, 3), (1, 5), (0, 6)]
-
-
-@pytest.mark.parametrize("sizes", [(5, 5000), (1, 40, 9), (3,), (2, 2, 2), (0.0, 0.0, 0.0)])
-def test_scans_of_similar_or_unclear_sizes_are_kept(sizes: tuple[float, ...]) -> None:
-    assert not strange_sizes(scans(*sizes))
 
 
 def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
