@@ -1,17 +1,14 @@
 """Reading the clouds of one file of any format. A new format is a file in clouds/ and a row of FORMATS."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
-import numpy as np
-
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.bags.clouds import stream_recording
-from sonarmap.tools.files.readers.clouds.cloud import POINT_BYTES, TIME_NAMES, Cloud
+from sonarmap.tools.files.readers.clouds.cloud import POINT_BYTES, Cloud
 from sonarmap.tools.files.readers.clouds.las import read_las
 from sonarmap.tools.files.readers.clouds.npy import read_npy, read_npz
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
@@ -20,11 +17,8 @@ from sonarmap.tools.files.readers.clouds.rows import read_text, require_believab
 from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading, line_clouds
 from sonarmap.tools.files.readers.pings.line_file import FORMATS as LINES
 from sonarmap.tools.files.readers.selection import SelectedFile
-from sonarmap.tools.files.readers.trajectory import places_at, read_tum
 from sonarmap.tools.files.user_file import Kind, naming, require_kind, unreadable
 
-TRAJECTORY = ".tum"  # suffix of a sensor trajectory beside a file of points
-_COARSEST = 0.01  # coarsest resolution of the points' times [s]: a vehicle moves centimeters in it
 _LISTED = 3  # scans without points that a note names
 
 
@@ -89,8 +83,7 @@ class NamedCloud:
 
 
 def clouds_of(selected: SelectedFile, notes: list[str], lines: LineReading = AS_LINES) -> Iterator[NamedCloud]:
-    """Yield the clouds of one file that have points; notes about the file are appended to `notes`. A trajectory
-    NAME.tum beside NAME.ply (or another suffix) gives the sensor's position at the time of each point."""
+    """Yield the clouds of one file that have points; notes about the file are appended to `notes`."""
     with naming(selected.path):
         try:
             yield from _named(selected, _clouds_in(selected, notes, lines), notes)
@@ -123,9 +116,7 @@ def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> 
             require_memory("the file", path.stat().st_size, "thin its points out first")
             content = path.read_bytes()
         clouds = iter(file_format.read(content))
-    trajectory = path.with_suffix(TRAJECTORY)
-    checked = _checked(clouds, path)
-    return (_with_viewpoints(cloud, trajectory) for cloud in checked) if trajectory.is_file() else checked
+    return _checked(clouds, path)
 
 
 def _checked(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
@@ -159,36 +150,3 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
         which = f"{', '.join(empty[:_LISTED])}{', ...' if len(empty) > _LISTED else ''}"
         name = selected.path.name
         notes.append(f"{name}: {len(empty):,} of {count:,} scans were skipped, as they have no points: {which}")
-
-
-def _with_viewpoints(cloud: Cloud, path: Path) -> Cloud:
-    """The cloud with a viewpoint per point, interpolated between the positions of the trajectory at `path`: a TUM file
-    of T_scan_sensor, with the same clock as the cloud's times [s]. A cloud that has viewpoints, or no times, is not
-    changed except for a note."""
-    if cloud.viewpoints is not None:
-        return replace(cloud, notes=(*cloud.notes, f"{path.name} is not used: the points have viewpoints of their own"))
-    if cloud.times is None:
-        note = f"{path.name} is not used: the points have no time (a field {' or '.join(TIME_NAMES)})"
-        return replace(cloud, notes=(*cloud.notes, note))
-    trajectory = read_tum(path)
-    if not (np.diff(trajectory.stamps) > 0).all():
-        later = int(np.argmin(np.diff(trajectory.stamps) > 0)) + 1
-        raise InputError(f"{path}: the stamps do not ascend (pose {later}); sort its lines")
-    _require_within(cloud, cloud.times, trajectory, path)
-    return replace(cloud, viewpoints=places_at(trajectory, cloud.times.astype(np.float64)))
-
-
-def _require_within(cloud: Cloud, times: np.ndarray, trajectory: Trajectory, path: Path) -> None:
-    first, last = trajectory.stamps[0], trajectory.stamps[-1]
-    if times.dtype.kind == "f" and np.spacing(np.abs(times[np.isfinite(times)]).max(initial=0)) > _COARSEST:
-        raise InputError(
-            f"the points' times are {times.dtype}, too coarse for numbers as large as these; write them as float64 "
-            f"(double), or count them, and those of {path.name}, from the scan's start"
-        )
-    with np.errstate(invalid="ignore"):
-        finite = np.isfinite(cloud.points).all(axis=1)  # other points are dropped later, so their times do not matter
-    outside = finite & ~((times >= first) & (times <= last))  # NaN is outside too
-    if outside.any():
-        raise InputError(
-            f"{int(outside.sum()):,} of {len(times):,} points have times outside of {path.name}; give both by one clock"
-        )

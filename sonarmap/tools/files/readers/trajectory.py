@@ -57,16 +57,11 @@ def in_order(trajectories: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(np.concatenate(stamps), poses)
 
 
-def places_at(trajectory: Trajectory, times: np.ndarray) -> np.ndarray:
-    """Positions (N, 3) [m] of a trajectory, interpolated at times (N,) [s]."""
-    places = trajectory.T_world_sensor.translation
-    return np.column_stack([np.interp(times, trajectory.stamps, places[:, axis]) for axis in range(3)])
-
-
 def poses_at(trajectory: Trajectory, times: np.ndarray) -> RigidTransform:
     """Poses T_world_sensor (N,) of a trajectory of at least two poses, interpolated at times (N,) [s]."""
-    turns = Slerp(trajectory.stamps, trajectory.T_world_sensor.rotation)(times)
-    return RigidTransform.from_components(places_at(trajectory, times), turns)
+    known, T = trajectory.stamps, trajectory.T_world_sensor
+    places = np.column_stack([np.interp(times, known, axis) for axis in T.translation.T])
+    return RigidTransform.from_components(places, Slerp(known, T.rotation)(times))
 
 
 def _is_kitti(path: Path) -> bool:

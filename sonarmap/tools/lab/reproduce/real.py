@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.file import FORMATS, TRAJECTORY
+from sonarmap.tools.files.readers.file import FORMATS
 from sonarmap.tools.files.readers.instruments import PRIORS
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.scans import read_scan
@@ -104,9 +104,8 @@ def _read_set(folder: Path) -> RealSet:
         pairs.append(RealPair(f"{truth.i}-{truth.j}", target, source, truth.T_i_j))
     scans = sorted({scan for pair in pairs for scan in (pair.target, pair.source)})
     priors = folder / PRIORS
-    beside = [priors, *(scan.with_suffix(TRAJECTORY) for scan in scans)]
-    digest = _digest([path, *scans, *(other for other in beside if other.is_file())])
-    return RealSet(name, tuple(pairs), priors if priors.is_file() else None, digest)
+    beside = [priors] if priors.is_file() else []
+    return RealSet(name, tuple(pairs), next(iter(beside), None), _digest([path, *scans, *beside]))
 
 
 def _numbered_scans(folder: Path) -> dict[int, list[Path]]:

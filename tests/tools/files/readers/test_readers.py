@@ -144,14 +144,6 @@ class TestTimes:
         put_las(tmp_path, las(), "b.laz")
         assert [scan.stamp for scan in read_scans([tmp_path]).scans] == [0.0, 1.0]
 
-    def test_a_trajectory_beside_gives_viewpoints(self, tmp_path: Path) -> None:
-        """Its stamps are the GPS times of the file."""
-        (tmp_path / "a.tum").write_text("415000000 0 0 0 0 0 0 1\n415000005 10 0 -5 0 0 0 1\n")
-        scan = read_scan(put_las(tmp_path, las(gps=GPS)))
-        after = GPS - 415_000_000
-        expected = np.column_stack([2 * after, 0 * after, -after])
-        np.testing.assert_allclose(np.asarray(scan.viewpoints), expected, atol=1e-6)
-
 
 def test_extra_dimensions_of_las_are_viewpoints(tmp_path: Path) -> None:
     places = {name: np.arange(5) * scale for name, scale in (("vp_x", 1.0), ("vp_y", -2.0), ("vp_z", 0.5))}

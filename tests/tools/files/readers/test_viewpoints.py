@@ -1,4 +1,4 @@
-"""Viewpoints per point: from fields of the file, or from the points' times and a trajectory beside it."""
+"""Viewpoints per point, from fields of the file."""
 
 from pathlib import Path
 
@@ -9,20 +9,12 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.writers.points import write_ply
-from tests.samples.cloud_files import POINTS, STRENGTH, npz, pcd, ply, put
+from tests.samples.cloud_files import POINTS, STRENGTH, npz, pcd, put
 from tests.samples.refusals import refuses
 
 VIEWPOINTS = np.array([[0, 0, 0], [0.5, 0, -1], [1, 2, 3], [4, 5, 6], [-7, 8, 9.5]], np.float32)
 SCAN = Scan(POINTS, STRENGTH, name="scan", viewpoints=VIEWPOINTS)
 TIMES = np.array([0.0, 1.0, 2.5, 3.0, 4.0])
-TRAJECTORY = "0 10 20 30 0 0 0 1\n2 14 20 30 0 0 1 0\n4 14 24 22 0 0 0 1\n"
-SEEN_FROM = np.array([[10, 20, 30], [12, 20, 30], [14, 21, 28], [14, 22, 26], [14, 24, 22]], np.float32)
-
-
-def timed(path: Path, name: str = "time", times: np.ndarray = TIMES, trajectory: str = TRAJECTORY) -> Path:
-    write_ply(path, POINTS, {name: times})
-    path.with_suffix(".tum").write_text(trajectory)
-    return path
 
 
 class TestFields:
@@ -66,46 +58,6 @@ class TestFields:
     def test_two_coordinates_of_three_are_refused(self, tmp_path: Path) -> None:
         write_ply(tmp_path / "a.ply", POINTS, {"vp_x": TIMES, "vp_z": TIMES})
         refuses("only vp_x and vp_z; give all or none", read_scan, tmp_path / "a.ply")
-
-
-class TestTrajectoryBeside:
-    @pytest.mark.parametrize("name", ["time", "t", "timestamp", "gps_time", "scalar_GpsTime"])
-    def test_viewpoints_are_interpolated_between_poses(self, tmp_path: Path, name: str) -> None:
-        scan = read_scan(timed(tmp_path / "a.ply", name))
-        np.testing.assert_array_equal(scan.viewpoints, SEEN_FROM)
-        np.testing.assert_array_equal(scan.points, POINTS)
-        (tmp_path / "a.npz").write_bytes(npz(points=POINTS, times=TIMES))
-        np.testing.assert_array_equal(read_scan(tmp_path / "a.npz").viewpoints, SEEN_FROM)
-
-    def test_a_trajectory_is_not_used_beside_viewpoints_or_without_times(self, tmp_path: Path) -> None:
-        write_ply(tmp_path / "a.ply", POINTS, {"time": TIMES, **columns_of(SCAN)})
-        (tmp_path / "a.tum").write_text(TRAJECTORY)
-        read = read_scans([tmp_path / "a.ply"])
-        np.testing.assert_array_equal(read.scans[0].viewpoints, VIEWPOINTS)
-        assert read.notes == ("a.ply: a.tum is not used: the points have viewpoints of their own",)
-        (tmp_path / "a.ply").write_bytes(ply())
-        read = read_scans([tmp_path])
-        assert read.scans[0].viewpoints is None
-        assert "a.tum is not used: the points have no time (a field gps_time or" in read.notes[0]
-
-    @pytest.mark.parametrize("wrong", [-0.001, 4.001, np.nan])
-    def test_points_outside_of_the_trajectory_are_refused(self, tmp_path: Path, wrong: float) -> None:
-        path = timed(tmp_path / "a.ply", times=np.where(TIMES == 2.5, wrong, TIMES))
-        refuses(r"a\.ply: 1 of 5 points have times outside of a\.tum.* one clock", read_scan, path)
-
-    def test_coarse_times_are_refused(self, tmp_path: Path) -> None:
-        path = timed(tmp_path / "a.ply", times=(TIMES + 1.7e9).astype(np.float32))
-        refuses(r"float32, too coarse .* write them as float64", read_scan, path)
-
-    @pytest.mark.parametrize(
-        ("trajectory", "message"),
-        [
-            ("0 1 2 3 0 0 0 1\n4 1 2 3 0 0 0 1\n4 1 2 4 0 0 0 1\n", r"stamps do not ascend \(pose 2\)"),
-            ("0 1 2 3\n", "line 1 has 4 columns"),
-        ],
-    )
-    def test_an_invalid_trajectory_is_refused(self, tmp_path: Path, trajectory: str, message: str) -> None:
-        refuses(message, read_scan, timed(tmp_path / "a.ply", trajectory=trajectory))
 
 
 class TestViewpointOfPcd:

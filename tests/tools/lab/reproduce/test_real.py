@@ -43,10 +43,10 @@ class TestSets:
         np.save(folder / "0.npy", simulated()[0].points[1:])
         seen = {first, digest()}
         truth = gt_log(0, 1, RigidTransform.identity())
-        for name, text in {"gt.log": truth, "priors.csv": "name,roll_deg\n0,0\n", "0.tum": "0 0 0 0 0 0 0 1\n"}.items():
+        for name, text in {"gt.log": truth, "priors.csv": "name,roll_deg\n0,0\n"}.items():
             (folder / name).write_text(text)
             seen.add(digest())
-        assert len(seen) == 5
+        assert len(seen) == 4
 
     def test_unusable_folders_are_refused(self, tmp_path: Path) -> None:
         refuses(r"there is no folder .*none; give one that holds scans and a gt.log", read_sets, tmp_path / "none")
