@@ -12,10 +12,7 @@ from sonarmap.tools.files.readers.navigation.headings import (
     QUANTITIES,
     SOURCES,
     Column,
-    Usual,
     column_of,
-    usual_note,
-    usual_of,
 )
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 
@@ -30,7 +27,6 @@ class Columns:
     of: Mapping[str, Column]  # {quantity: its column}
     is_own: bool  # whether the file uses this program's own names, so that an unknown column is refused
     notes: tuple[str, ...]  # for the user: unused columns, assumptions
-    usual: Mapping[str, float]  # {column of COLUMNS: usual standard deviation of the instrument that its heading names}
 
     @property
     def key(self) -> str:
@@ -61,15 +57,12 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     for lone, other in () if is_own else (PAIRS[0], PAIRS[0][::-1]):  # in a log roll without pitch is left out
         if lone in of and other not in of:
             notes.append(f"{of.pop(lone).heading!r} is not used without a column of {other}")
-    usual = {} if sigmas is None else _usual(of, sigmas)
-    _check_measured(of, None if sigmas is None else {*sigmas, *usual}, is_own)
+    _check_measured(of, None if sigmas is None else set(sigmas), is_own)
     used = {column.index for column in of.values()}
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
     if left and not (is_own and left == ["stamp"]):  # `inspect --template` writes it beside the name, which counts
         notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
-    if usual:
-        notes.append(usual_note(usual))
-    return Columns(of, is_own, tuple(notes), {column: sigma for column, (_, sigma) in usual.items()})
+    return Columns(of, is_own, tuple(notes))
 
 
 def _mapped(header: Sequence[str], settings: NavigationSettings, notes: list[str]) -> dict[str, Column]:
@@ -217,16 +210,6 @@ def _check_measured(of: Mapping[str, Column], known: Collection[str] | None, is_
         if measured and sigma not in of and column not in known:
             which = column if measured[0] == column else f"{column} ({measured[0]!r})"
             raise InputError(f"{which} has no standard deviation; add a column {sigma}, or give {PRIOR_SIGMAS}")
-
-
-def _usual(of: Mapping[str, Column], sigmas: Mapping[str, float]) -> dict[str, Usual]:
-    """Usual standard deviations by COLUMNS, for those without one whose headings name an instrument."""
-    usual: dict[str, Usual] = {}
-    for column, sigma, names in zip(COLUMNS, SIGMA_COLUMNS, SOURCES, strict=True):
-        words = [word for name in names if name in of for word in of[name].words]
-        if sigma not in of and column not in sigmas and (named := usual_of(column, words)) is not None:
-            usual[column] = named
-    return usual
 
 
 def some(names: Sequence[str]) -> str:

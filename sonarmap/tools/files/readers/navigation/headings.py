@@ -1,12 +1,7 @@
-"""The quantity, unit and instrument that the heading of a log's column names.
-
-The instrument gives standard deviations where neither the log nor the user does. They are from data sheets, and rather
-too large.
-"""
+"""The quantity and the unit that the heading of a log's column names."""
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,6 +49,11 @@ SOURCES = (
 _SIGMA_OF = {name: sigma for names, sigma in zip(SOURCES, SIGMA_COLUMNS, strict=True) for name in names}
 _SIGMA_OF["magnetic_deg"] = _SIGMA_OF["heading_deg"]
 _QUANTITY_OF = {synonym: quantity for quantity, synonyms in SYNONYMS.items() for synonym in synonyms.split()}
+# Words of instruments, which a heading may have beside the quantity, as in USBL Easting
+_INSTRUMENT_WORDS = (
+    "rtk ppk rtkfloat dgps dgnss sbas egnos waas gnss gps usbl ssbl hipap lbl gyro gyrocompass fog hdt compass "
+    "magnetic mag hdm fluxgate mru vru ahrs imu pressure ctd digiquartz paros"
+)
 _SIGMA_WORDS = frozenset(("sigma", "std", "stddev", "stdev", "sd"))
 _ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degre", "degres"), 1.0)
 _ANGLES |= dict.fromkeys(("rad", "radian", "radians"), 180 / np.pi)
@@ -80,7 +80,6 @@ class Column:
     factor: float = 1.0  # from its unit to that of the quantity's name (degrees, meters, seconds)
     word: str = ""  # the heading without unit and sigma, only small letters and digits
     unit: str = ""  # as written, in small letters; "" if there is none
-    words: tuple[str, ...] = ()  # of the heading, in small letters
 
     @property
     def is_own(self) -> bool:
@@ -95,7 +94,7 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
     stem, unit = _split(_plain(heading))
     words = _WORDS.findall(stem.lower())
     word = "".join(each for each in words if each not in _SIGMA_WORDS)
-    bare = "".join(each for each in words if each not in _SIGMA_WORDS and each not in WORDS)  # as in USBL Easting
+    bare = "".join(each for each in words if each not in _SIGMA_WORDS and each not in _INSTRUMENT_WORDS.split())
     names = (each for name in (word, bare) for each in (name, re.sub("(deg|degrees|(?<!g)rad|radians)$", "", name)))
     known = quantity or next((_QUANTITY_OF[name] for name in names if name in _QUANTITY_OF), None)
     if known is None:
@@ -108,7 +107,7 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
         if known not in _SIGMA_OF:
             return None
         known = _SIGMA_OF[known]
-    return Column(index, heading, known, _factor(heading, known, unit), word, unit, tuple(words))
+    return Column(index, heading, known, _factor(heading, known, unit), word, unit)
 
 
 def _plain(heading: str) -> str:
@@ -149,43 +148,3 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
     if units[unit] == FOOT and quantity in ("easting_m", "northing_m"):
         raise InputError(f"the column {heading!r} is in feet, international or US survey ones; give it in meters")
     return units[unit]
-
-
-def _both(first: str, second: str, sigma: float) -> dict[str, float]:
-    return {first: sigma, second: sigma}
-
-
-# Name of an instrument, the words that stand for it in a heading, and its standard deviations by COLUMNS [deg, m]. The
-# first that a heading names counts.
-INSTRUMENTS: tuple[tuple[str, str, Mapping[str, float]], ...] = (
-    ("RTK", "rtk ppk", _both("x_m", "y_m", 0.05)),
-    ("floating RTK", "rtkfloat", _both("x_m", "y_m", 0.5)),
-    ("DGNSS", "dgps dgnss sbas egnos waas", _both("x_m", "y_m", 1.5)),
-    ("GNSS", "gnss gps", _both("x_m", "y_m", 3.0)),
-    ("USBL", "usbl ssbl hipap", _both("x_m", "y_m", 3.0)),
-    ("LBL", "lbl", _both("x_m", "y_m", 0.5)),
-    ("gyrocompass", "gyro gyrocompass fog hdt", {"heading_deg": 1.0}),
-    ("compass", "compass magnetic mag hdm fluxgate", {"heading_deg": 5.0}),
-    ("motion sensor", "mru vru ahrs imu", {**_both("roll_deg", "pitch_deg", 0.5), "heading_deg": 2.0}),
-    ("pressure", "pressure ctd digiquartz paros", {"depth_m": 0.1}),
-)
-WORDS = frozenset(word for _, words, _ in INSTRUMENTS for word in words.split())
-Usual = tuple[str, float]  # an instrument's name, and its standard deviation in one of COLUMNS
-
-
-def usual_of(column: str, named: Iterable[str]) -> Usual | None:
-    """The instrument that one of the words `named`, in small letters, stands for, and its standard deviation in
-    `column` of COLUMNS; None if there is no such instrument."""
-    for name, words, sigmas in INSTRUMENTS:
-        if column in sigmas and {*words.split()}.intersection(named):
-            return name, sigmas[column]
-    return None
-
-
-def usual_note(named: Mapping[str, Usual]) -> str:
-    """A note on the usual standard deviations that are taken, by COLUMNS."""
-    parts = [
-        f"{column.rsplit('_', 1)[0]} {sigma:g} {'degrees' if column.endswith('deg') else 'm'} ({name})"
-        for column, (name, sigma) in named.items()
-    ]
-    return f"standard deviations are taken to be {', '.join(parts)}; --prior-sigmas gives others"

@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.navigation.headings import usual_note, usual_of
 from sonarmap.tools.files.readers.navigation.log import MOST_BETWEEN, NavigationLog, at_scans
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, local_places
 from sonarmap.tools.files.readers.navigation.times import DAY, dated, time_of_day
@@ -28,11 +27,13 @@ SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{
 _STARTS = re.compile(r"\$[A-Z]{5},")
 _COUNTER = re.compile(r"(\d{2,3})(\d\d(?:\.\d*)?)")  # degrees and minutes
 _USED = ("GGA", "RMC", "HDT", "THS", "ZDA")
-# Kind of a fix by the quality of GGA or the mode of RMC, as `usual_of` names it; others are GNSS
-_KINDS = {"2": "dgnss", "4": "rtk", "5": "rtkfloat", "D": "dgnss", "R": "rtk", "F": "rtkfloat"}
+# Kind of a fix by the quality of GGA or the mode of RMC; others are GNSS
+_KINDS = {"2": "DGNSS", "4": "RTK", "5": "floating RTK", "D": "DGNSS", "R": "RTK", "F": "floating RTK"}
+# Standard deviations by these kinds [m], and of the headings of a gyrocompass [deg]; from data sheets, rather too large
+_SIGMAS = {"GNSS": 3.0, "DGNSS": 1.5, "RTK": 0.05, "floating RTK": 0.5}
+_SIGMA_HEADING = 1.0
 # Positions that no receiver measured, by the same
 _NO_FIX = {"6": "estimated", "7": "manual", "8": "simulated", "E": "estimated", "M": "manual", "S": "simulated"}
-_COMPASS = "gyro"  # the source of headings, as `usual_of` names it
 _DEGREE = 111_195.0  # meters of latitude, on a sphere
 _CONTRADICTED = 3.0  # [sigmas]: talkers whose median difference is larger are on different vehicles
 
@@ -45,7 +46,7 @@ class _Measurement:
     talker: str
     sentence: str  # the three letters after the talker
     values: tuple[float, float, float]  # heading, longitude, latitude [deg]; NaN if not in the sentence
-    kind: str = ""  # of a fix, as `usual_of` names it; "" for a heading
+    kind: str = ""  # of a fix, a key of _SIGMAS; "" for a heading
 
 
 _Row = tuple[_Measurement, float]  # and its time [s, UTC]
@@ -147,7 +148,7 @@ def _place(number: int, kind: str, fields: list[str], read: _Sentences) -> _Meas
         read.unfixed += 1
     else:
         latitude, longitude = _angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW")
-        return _Measurement(number, "", kind, (np.nan, longitude, latitude), _KINDS.get(quality, "gnss"))
+        return _Measurement(number, "", kind, (np.nan, longitude, latitude), _KINDS.get(quality, "GNSS"))
     return None
 
 
@@ -210,11 +211,10 @@ def _arrays(rows: Sequence[_Row], settings: NavigationSettings) -> tuple[np.ndar
 
 def _sigmas(measurement: _Measurement, settings: NavigationSettings) -> list[float]:
     """(6,) standard deviations of a measurement, in the order of COLUMNS; NaN where it has no value."""
-    column, named = ("x_m", measurement.kind) if measurement.kind else ("heading_deg", _COMPASS)
-    sigma = settings.sigmas.get(column, np.nan)
-    if np.isnan(sigma) and (usual := usual_of(column, [named])) is not None:
-        sigma = usual[1]
-    return [np.nan, np.nan, *([np.nan, sigma, sigma] if measurement.kind else [sigma, np.nan, np.nan]), np.nan]
+    if not measurement.kind:
+        return [np.nan, np.nan, settings.sigmas.get("heading_deg", _SIGMA_HEADING), np.nan, np.nan, np.nan]
+    sigma = settings.sigmas.get("x_m", _SIGMAS[measurement.kind])
+    return [np.nan, np.nan, np.nan, sigma, sigma, np.nan]
 
 
 def _say_sigmas(path: Path, kept: Sequence[_Measurement], settings: NavigationSettings, notes: list[str]) -> None:
@@ -223,11 +223,13 @@ def _say_sigmas(path: Path, kept: Sequence[_Measurement], settings: NavigationSe
         notes.append(
             f"{path}: its headings have no time; they are placed by their lines, between the sentences with times"
         )
-        if "heading_deg" not in settings.sigmas and (usual := usual_of("heading_deg", [_COMPASS])) is not None:
-            notes.append(f"{path}: {usual_note({'heading_deg': usual})}")
+        if "heading_deg" not in settings.sigmas:
+            notes.append(
+                f"{path}: standard deviations are taken to be heading {_SIGMA_HEADING:g} degrees (gyrocompass); "
+                "--prior-sigmas gives others"
+            )
     if counts and "x_m" not in settings.sigmas:
-        fixes = [(counts[kind], usual_of("x_m", [kind])) for kind in counts]
-        parts = [f"{count} of {each[0]} ({each[1]:g} m)" for count, each in fixes if each]
+        parts = [f"{count} of {kind} ({_SIGMAS[kind]:g} m)" for kind, count in counts.items()]
         notes.append(f"{path}: fixes by their stated quality: {', '.join(parts)}; --prior-sigmas gives others")
 
 

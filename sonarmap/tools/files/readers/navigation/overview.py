@@ -276,11 +276,10 @@ def _usable(table: _Table, name: str, values: np.ndarray, bad: np.ndarray, wante
 
 
 def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
-    """(n, 6) standard deviations of the file or usual ones of its instruments, NaN where there is none."""
+    """(n, 6) standard deviations of the file, NaN where there is none."""
     sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, name in enumerate(SIGMA_COLUMNS):
         if name not in table.columns.of:
-            sigmas[:, k] = table.columns.usual.get(COLUMNS[k], np.nan)
             continue
         values, bad = numbers(table.cells[name], table.columns.is_own)
         sigmas[:, k] = _usable(table, name, values, bad, "a finite number, or an empty cell")

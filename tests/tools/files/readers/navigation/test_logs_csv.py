@@ -1,22 +1,19 @@
 """CSV logs: headings, units, what is not measured, what is ambiguous; texts of any length take a time in proportion."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarmap.tools.files.readers.csv_table import degrees
-from sonarmap.tools.files.readers.instruments import sigmas_of
 from sonarmap.tools.files.readers.navigation.headings import column_of, zone_of
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
-from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_columns
 from sonarmap.tools.files.readers.navigation.times import time_of_day
 from tests.samples.processor_time import quick
 from tests.samples.refusals import refuses
-from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read, require_words, scans_at
+from tests.tools.files.readers.navigation.logs import START, read, require_words, scans_at
 
 
 def refused(path: Path, text: str, *words: str, **settings: object) -> None:
@@ -205,31 +202,6 @@ LONG = 100_000
 def test_long_headings_and_cells_are_parsed_in_linear_time(read: Callable[[], object]) -> None:
     with quick():  # what takes a tenth of a second would take minutes, were it growing by squares
         read()
-
-
-def test_instruments_named_in_headings_have_default_sigmas(tmp_path: Path) -> None:
-    rows = [f"{START + k},{1.5 * k},{0.2 * k},{k % 7},1,2,9.5" for k in range(12)]
-    heading = "time,USBL East,USBL North,Gyro Heading,MRU Roll,MRU Pitch,Pressure Depth"
-    path = tmp_path / "rov.csv"
-    path.write_text("\n".join([heading, *rows, ""]))
-    notes: list[str] = []
-    scan = navigate(SCANS, path, notes=notes).scans[1]
-    assert scan.prior is not None
-    np.testing.assert_allclose(sigmas_of(scan.prior), [0.5, 0.5, 1.0, 3.0, 3.0, 0.1])
-    (note,) = [note for note in notes if "standard deviations" in note]
-    for words in (
-        "roll 0.5 degrees (motion sensor)",
-        "heading 1 degrees (gyrocompass)",
-        "x 3 m (USBL)",
-        "0.1 m (pressure)",
-    ):
-        assert words in note
-    assert note.endswith("; --prior-sigmas gives others")
-    stated = navigate(SCANS, path, replace(AS_IT_SAYS, sigmas=SIGMAS)).scans[1]
-    assert stated.prior is not None
-    np.testing.assert_allclose(sigmas_of(stated.prior), [0.5] * 6)
-    path.write_text("\n".join([heading.replace("USBL ", ""), *rows, ""]))
-    refuses(r"x_m \('East'\) has no standard deviation; .*--prior-sigmas A,H,D,P", navigate, SCANS, path)
 
 
 @pytest.mark.parametrize(
