@@ -1,5 +1,5 @@
 """Coordinate frames of a recording: transforms from a sensor's frame to the vehicle's, by tf_static or by the frame's
-name (REP-103); odometry, from nav_msgs/Odometry or tf (odom to base_link); and turn rates, from sensor_msgs/Imu.
+name (REP-103); odometry, from nav_msgs/Odometry; and turn rates, from sensor_msgs/Imu.
 """
 
 from collections import deque
@@ -22,11 +22,9 @@ from sonarmap.tools.files.readers.bags.recording import (
     Recording,
     choose_topic,
     decode,
-    listed,
     refused,
 )
 from sonarmap.tools.files.readers.instruments import LARGEST
-from sonarmap.tools.files.readers.trajectory import poses_at
 from sonarmap.tools.files.user_file import naming
 
 BASE = "base_link"
@@ -34,20 +32,17 @@ BASE = "base_link"
 _OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 _DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
 R_FLU = {"_optical_frame": _OPTICAL, "_optical": _OPTICAL, "_frd": _DOWN, "_ned": _DOWN}
-_ODOM = "odom"
 _NAMED = 3  # faults that are listed
 _R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A transform of tf."""
+    """A transform of tf_static."""
 
     parent: str  # name of the parent frame
     child: str  # name of the child frame
-    stamp: int  # [ns since 1970]
     numbers: tuple[float, ...]  # T_parent_child as x, y, z [m] and the quaternion x, y, z, w
-    fixed: bool  # whether it is from tf_static
 
     def T_parent_child(self) -> RigidTransform:
         return rigid([self.numbers], f"the transform {self.parent} to {self.child}")[0]
@@ -75,16 +70,16 @@ def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
     return RigidTransform.from_components(numbers[:, :3], Rotation.from_quat(numbers[:, 3:]))
 
 
-def links(recording: Recording, last_name: str, faults: list[str]) -> Iterator[Link]:
-    """Yield all transforms of the topics called `last_name`, tf_static or tf, in any namespace."""
-    names = [topic.name for topic in recording.of_kinds((TRANSFORMS,)) if topic.name.split("/")[-1] == last_name]
+def links(recording: Recording, faults: list[str]) -> Iterator[Link]:
+    """Yield all transforms of the topics called tf_static, in any namespace."""
+    names = [topic.name for topic in recording.of_kinds((TRANSFORMS,)) if topic.name.split("/")[-1] == "tf_static"]
     for message in recording.messages(names, faults) if names else ():
         try:
             with refused("its transforms contradict each other"):
                 for stamped in decode(message).transforms:
                     parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
                     numbers = numbers_of(stamped.transform.translation, stamped.transform.rotation)
-                    yield Link(parent, child, stamp_of(stamped.header), numbers, fixed=last_name == "tf_static")
+                    yield Link(parent, child, numbers)
         except InputError as error:
             faults.append(f"{message.topic}: {error}")
 
@@ -100,7 +95,7 @@ class Frames:
 
     def __init__(self, recording: Recording) -> None:
         self.notes: list[str] = []
-        self._links = {(link.child, link.parent): link for link in links(recording, "tf_static", self.notes)}
+        self._links = {(link.child, link.parent): link for link in links(recording, self.notes)}
         self._known: dict[str, RigidTransform] = {}
 
     def T_base(self, frame: str) -> RigidTransform:
@@ -143,14 +138,11 @@ class Frames:
 
 def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> Trajectory:
     """Read odometry as T_odom_base with ascending stamps, transformed to base_link if tf_static has the moving frame.
-    `topic`: of nav_msgs/Odometry; None for the only one, or for tf if there is none."""
+    `topic`: of nav_msgs/Odometry; None for the only one."""
     with naming(path):
         faults: list[str] = []
         recording = open_recording(path, faults)
-        if topic is None and not recording.of_kinds((ODOMETRY,)):
-            trajectory = _of_tf(recording, faults)
-        else:
-            trajectory = _of_odometry(recording, choose_topic(recording, topic, (ODOMETRY,), path).name, faults)
+        trajectory = _of_odometry(recording, choose_topic(recording, topic, (ODOMETRY,), path).name, faults)
         notes += [f"{path}: {fault}" for fault in faults[:_NAMED]]
     return trajectory
 
@@ -169,45 +161,6 @@ def _of_odometry(recording: Recording, topic: str, faults: list[str]) -> Traject
     R_enu_world = _R_ENU_NED if world.endswith("_ned") else Rotation.identity()
     T = RigidTransform.from_rotation(R_enu_world) * trajectory.T_world_sensor * T_base_child.inv()
     return Trajectory(trajectory.stamps, T)
-
-
-def _of_tf(recording: Recording, faults: list[str]) -> Trajectory:
-    """The transform from odom to base_link along the tf tree, at the stamps of its most frequent moving link."""
-    by_child: dict[str, dict[str, list[Link]]] = {}
-    for name in ("tf_static", "tf"):
-        for link in links(recording, name, faults):
-            by_child.setdefault(link.child, {}).setdefault(link.parent, []).append(link)
-    chain: list[list[Link]] = []
-    here = next((child for child in by_child if is_named(child, BASE)), "")
-    while here in by_child and len(chain) < len(by_child):
-        here, steps = next(iter(by_child[here].items()))
-        chain.insert(0, steps)
-        if is_named(here, _ODOM):
-            return _composed(chain, faults)
-    raise InputError(
-        f"no odometry: no {ODOMETRY}, no {TRANSFORMS} from {_ODOM} to {BASE}; its topics are {listed(recording.topics)}"
-    )
-
-
-def _composed(chain: Sequence[Sequence[Link]], faults: list[str]) -> Trajectory:
-    """The product of a chain of transforms, at times at which all of its moving links are known."""
-    parts: list[Trajectory] = []
-    for steps in chain:
-        stamps, rows = [link.stamp for link in steps], [link.numbers for link in steps]
-        parts.append(_ascending(stamps, rows, f"the transform {steps[0].parent} to {steps[0].child}", faults))
-    moving = [part for part, steps in zip(parts, chain, strict=True) if not steps[-1].fixed]
-    if not moving:
-        raise InputError(f"in its tf {BASE} does not move in {_ODOM}; record tf too, not only tf_static")
-    times = max(moving, key=len).stamps
-    first, last = max(part.stamps[0] for part in moving), min(part.stamps[-1] for part in moving)
-    times = times[(times >= first) & (times <= last)]
-    if len(times) == 0:
-        raise InputError("the transforms in its tf do not overlap in time; record them together")
-    T = RigidTransform.identity(len(times))
-    for part, steps in zip(parts, chain, strict=True):
-        is_fixed = steps[-1].fixed or len(part) == 1
-        T = T * (part.T_world_sensor[-1] if is_fixed else poses_at(part, times))
-    return Trajectory(times, T)
 
 
 def _ascending(stamps: Sequence[int], rows: Sequence[tuple[float, ...]], what: str, faults: list[str]) -> Trajectory:

@@ -126,31 +126,6 @@ def test_frames_that_point_down_are_converted(tmp_path: Path) -> None:
     np.testing.assert_allclose(pose.rotation.as_euler("ZYX", degrees=True), [60, -10, -5], atol=1e-9)
 
 
-class TestTransforms:
-    def test_transforms_are_chained_from_odom_to_base_link(self, tmp_path: Path) -> None:
-        """A footprint that goes along x and turns to port, and base_link 0.5 m above it and 0.25 m behind."""
-        turns = Rotation.from_euler("Z", [[0], [90]], degrees=True).as_quat().tolist()
-        records = [
-            ("/tf_static", TF, 9.0, transforms((0.0, "footprint", "base_link", (-0.25, 0, 0.5), ALONE))),
-            ("/tf", TF, 10.0, transforms((10.0, "odom", "footprint", (0, 0, 0), turns[0]))),
-            ("/tf", TF, 10.5, transforms((10.5, "base_link", "pan", (0, 0, 0), turns[1]))),
-            ("/tf", TF, 10.5, transforms((10.5, "map", "odom", (9, 9, 9), ALONE))),
-            ("/tf", TF, 12.0, transforms((12.0, "odom", "footprint", (4, 0, 0), turns[1]))),
-        ]
-        poses = poses_of(write_mcap(tmp_path / "a.mcap", records), 10.0, 11.0, 12.0)
-        expected = [[-0.25, 0, 0.5], [1.875, -0.125, 0.5], [4, -0.25, 0.5]]  # the second lies on the chord
-        np.testing.assert_allclose(poses.translation, expected, atol=1e-9)
-        np.testing.assert_allclose(poses.rotation.as_euler("ZYX", degrees=True)[:, 0], [0, 45, 90], atol=1e-9)
-
-    def test_recordings_without_a_moving_base_link_are_refused(self, tmp_path: Path) -> None:
-        for topic, parent, words in (
-            ("/tf", "map", "no odometry: no nav_msgs/msg/Odometry, no tf2_msgs/msg/TFMessage"),
-            ("/tf_static", "odom", "base_link does not move in odom"),
-        ):
-            still = (topic, TF, 1.0, transforms((1.0, parent, "base_link", (0, 0, 0), ALONE)))
-            refuses(words, poses_of, write_mcap(tmp_path / "a.mcap", [still]), 1.0, 2.0)
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("turn", "shown"), [(0.0, "0 0 0 0"), (1e308, "1e\\+308 1e\\+308 1e\\+308 1e\\+308")])
 def test_invalid_poses_are_refused(tmp_path: Path, turn: float, shown: str) -> None:
