@@ -44,13 +44,6 @@ _DEGREES = 3  # value of NavUnits
 _BATHYMETRY = 3  # type of a channel
 _GAPS = {"position": 10.0, "attitude": 1.0}  # [s], longest gaps that are interpolated
 _GROWTH = 16  # bytes of memory per byte of the file, at most: a sounding has 4 bytes there
-# types of packets with soundings that this reader does not support
-_OTHERS = {2: "raw bathymetry", 5: "Elac ranges", 9: "SeaView bathymetry", 10: "SeaView depths", 16: "Elac XSE",
-           17: "processed bathymetry (XYZA)", 19: "bathymetry of snippets", 22: "a single beam", 25: "multibeam",
-           26: "QINSy single beam", 27: "QINSy multi-transducer", 28: "QINSy multibeam", 60: "Benthos C3D",
-           61: "Reson 7125", 62: "Reson 7125 snippets", 68: "Triton's R2Sonic bathymetry", 70: "Coda Echoscope",
-           73: "EdgeTech bathymetry", 74: "raw multibeam ranges", 78: "Reson water column",
-           102: "processed bathymetry"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,11 +205,8 @@ def _why_none(packets: _Packets) -> str:
     """Why the file has no ping, in words."""
     if packets.damaged:
         return f"none of its {packets.damaged:,} pings can be read: {packets.first}; copy it again"
-    held = [name for kind, name in _OTHERS.items() if packets.kinds[kind]]
-    if held:
-        return f"it holds {' and '.join(held)}; of XTF only R2Sonic's packets (BTH0) are read: export it as GSF"
     kinds = ", ".join(map(str, sorted(packets.kinds))) or "none"
-    return f"it holds no soundings of a multibeam echo sounder (packets of type {kinds}); give a recorded line"
+    return f"it holds packets of type {kinds}; of XTF only R2Sonic's (BTH0) are read: export the line as GSF"
 
 
 def _line(name: str, header, packets: _Packets, pyxtf) -> RecordedLine:
