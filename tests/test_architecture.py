@@ -16,7 +16,7 @@ SUBFOLDERS = ("files", "methods", "products", "lab", "command")  # of tools, lik
 FILES = sorted(path for layer in LAYERS for path in (PACKAGE / layer).rglob("*.py"))
 # slow to load: inside the function that uses them
 LATE = {"open3d", "matplotlib", "pyproj", "pyogrio", "laspy", "lazrs", "rosbags", "mcap"}
-LATE |= {"lz4", "zstandard", "ruamel", "rasterio"}
+LATE |= {"lz4", "zstandard", "rasterio"}
 # a library, and the one layer that may import it
 OWNERS = dict.fromkeys(LATE | {"plyfile", "wlsonar", "typer", "rich"}, "tools")
 OWNERS |= {"pyopencl": "kernels", "gtsam": "slam"}

@@ -16,7 +16,6 @@ EXTRA_OF = {
     "mcap": "ros",
     "lz4": "ros",
     "zstandard": "ros",
-    "ruamel": "ros",
     "websockets": "live",
     "trimesh": "mesh",
     "pye57": "e57",

@@ -143,7 +143,7 @@ def _of_mcap(path: Path, corrections: Corrections, more: Callable[[], bool], aft
 def _has_clouds(path: Path) -> bool:
     """Whether an MCAP file holds a cloud yet."""
     try:
-        return bool(open_recording(path, []).of_kinds(CLOUD_KINDS))
+        return bool(open_recording(path).of_kinds(CLOUD_KINDS))
     except InputError:
         return False
 

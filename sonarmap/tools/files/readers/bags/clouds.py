@@ -37,8 +37,7 @@ def stream_recording(
     """Yield a cloud for each message of a topic (None: the only one with clouds), with its header's stamp; an empty
     cloud for an unusable message. Clouds are in base_link if tf_static has the sensor's mounting, otherwise in the
     sensor's frame. `more`: see `open_mcap`, for an MCAP file that grows."""
-    about: list[str] = []
-    recording = open_recording(path, about)
+    recording = open_recording(path)
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)
     frames, faults = Frames(recording), list[str]()
     if more is not None:
@@ -59,7 +58,7 @@ def stream_recording(
         raise InputError(faults[0] if faults else f"no message of {chosen.name} can be read; record it again")
     if unstamped:
         frames.notes.append(f"{unstamped:,} headers have no stamp: the times are those at which they were recorded")
-    once = dict.fromkeys(about + _shortened(frames.notes) + _shortened(faults))  # both passes may find the same damage
+    once = dict.fromkeys(_shortened(frames.notes) + _shortened(faults))  # both passes may find the same damage
     notes += [f"{path.name}: {note}" for note in once]
 
 

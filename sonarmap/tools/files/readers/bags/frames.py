@@ -141,7 +141,7 @@ def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> T
     `topic`: of nav_msgs/Odometry; None for the only one."""
     with naming(path):
         faults: list[str] = []
-        recording = open_recording(path, faults)
+        recording = open_recording(path)
         trajectory = _of_odometry(recording, choose_topic(recording, topic, (ODOMETRY,), path).name, faults)
         notes += [f"{path}: {fault}" for fault in faults[:_NAMED]]
     return trajectory
@@ -176,7 +176,7 @@ def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
     about the axes of base_link if tf_static has the IMU's mounting, otherwise of its own frame (x forward, y left, z
     up)."""
     with naming(path):
-        recording = open_recording(path, [])
+        recording = open_recording(path)
         topics = recording.of_kinds((IMU,))
         if not topics:
             raise InputError(f"it has no messages of type {IMU}")

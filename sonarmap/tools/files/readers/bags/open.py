@@ -2,7 +2,7 @@
 
 MCAP files are read by their index, which lists the chunks of each topic. A file that was cut or has no index is read
 sequentially as far as possible, and a growing file until it stops growing (https://mcap.dev/spec). A ROS 2 bag folder
-has a metadata.yaml and a sequence of files.
+has a sequence of files.
 """
 
 from __future__ import annotations
@@ -39,13 +39,12 @@ from sonarmap.tools.files.readers.bags.recording import (
     topics_of,
 )
 from sonarmap.tools.files.readers.clouds.rows import most_unpacked
-from sonarmap.tools.files.readers.selection import BAG_METADATA, BAG_TITLE, is_bag_folder
+from sonarmap.tools.files.readers.selection import is_bag_folder
 from sonarmap.tools.files.user_file import naming
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Schema
 
-_LARGEST_METADATA = 1 << 18  # bytes of metadata.yaml; YAML parses 100 KB in a second
 _COMPRESSED = (".zstd", ".zst")
 _IN_FOLDERS = (".db3", ".mcap")
 _MAGIC = 8  # bytes of the magic number at a file's start
@@ -63,9 +62,9 @@ def is_recording(path: Path) -> bool:
     return path.suffix.lower() in (".bag", *_IN_FOLDERS) or is_bag_folder(path)
 
 
-def open_recording(path: Path, notes: list[str]) -> Recording:
-    """Open a file or folder for which `is_recording` is true; notes about it are appended to `notes`."""
-    return _open_folder(path, notes) if path.is_dir() else _open_file(path, path.stat().st_size)
+def open_recording(path: Path) -> Recording:
+    """Open a file or folder for which `is_recording` is true."""
+    return _open_folder(path) if path.is_dir() else _open_file(path, path.stat().st_size)
 
 
 def _open_file(path: Path, packed: int) -> Recording:
@@ -79,17 +78,16 @@ def _open_file(path: Path, packed: int) -> Recording:
             return open_mcap(path, packed)
 
 
-def _open_folder(folder: Path, notes: list[str]) -> Recording:
-    """Open all files of a bag in chronological order; notes name those that are missing or left out."""
-    files = _files_of(folder, notes)
-    present = [file for file in files if file.is_file()]
-    notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]
-    if not present:
-        raise InputError(f"none of the files that {BAG_METADATA} names is there; copy the whole folder")
-    packed = [file.stat().st_size for file in present if file.suffix in _COMPRESSED]
+def _open_folder(folder: Path) -> Recording:
+    """Open all files of a bag in chronological order; of one that is there compressed and unpacked only the latter."""
+    files = sorted(filter(_is_recording, folder.iterdir()), key=lambda file: (file.suffix not in _COMPRESSED, file))
+    chosen = {_plain_name(file): file for file in files}.values()
+    if not chosen:
+        raise InputError(f"it has no file {' or '.join(_IN_FOLDERS)}; copy the whole folder")
+    packed = [file.stat().st_size for file in chosen if file.suffix in _COMPRESSED]
     room = Room(sum(packed)) if packed else None
     parts = list[Recording]()
-    for file in present:
+    for file in chosen:
         with naming(file.name):
             plain = room.unpack(file) if room and file.suffix in _COMPRESSED else file
             parts.append(_open_file(plain, file.stat().st_size))
@@ -114,31 +112,6 @@ def _start(part: Recording) -> float:
         return next((message.time for message in part.messages([topic.name for topic in part.topics], [])), inf)
     except InputError:
         return inf
-
-
-def _files_of(folder: Path, notes: list[str]) -> list[Path]:
-    """The files that the metadata list, or all recordings of the folder if the metadata cannot be read."""
-    present = sorted(filter(_is_recording, folder.iterdir()))
-    listed = [file for file in _listed(folder) if _is_recording(file)]
-    if not listed:
-        notes.append(f"{BAG_METADATA} cannot be read; all recordings of the folder are taken")
-        return present
-    names = {_plain_name(file) for file in listed}  # a file may be present both compressed and unpacked
-    unlisted = [file.name for file in present if _plain_name(file) not in names]
-    notes += [f"{name} is left out, as {BAG_METADATA} does not name it" for name in unlisted]
-    return listed
-
-
-def _listed(folder: Path) -> list[Path]:
-    """The files that the metadata list, each once; empty if the metadata cannot be read."""
-    from ruamel.yaml import YAML
-
-    try:
-        text = (folder / BAG_METADATA).read_bytes()[:_LARGEST_METADATA]
-        names = YAML(typ="safe").load(text)[BAG_TITLE]["relative_file_paths"]
-        return list(dict.fromkeys(folder / PurePath(name).name for name in names))
-    except Exception:  # noqa: BLE001 - damage in YAML ends in errors of any kind
-        return []
 
 
 def _is_recording(file: Path) -> bool:

@@ -200,16 +200,12 @@ class TestFolders:
         folder = write_ros2(tmp_path / "dive", dive()[:1], mcap=True)
         write_mcap(folder / "dive_10.mcap", dive()[2:])
         write_mcap(folder / "dive_9.mcap", dive()[1:2])
-        metadata = (folder / "metadata.yaml").read_text()
-        names = "dive.mcap\n  - dive_9.mcap\n  - dive_11.mcap\n  - dive_10.mcap"
-        (folder / "metadata.yaml").write_text(metadata.replace("- dive.mcap", f"- {names}", 1))
-        read = read_scans([folder])
-        assert [scan.stamp for scan in read.scans] == TIMES
-        assert read.notes == ("dive: dive_11.mcap, which metadata.yaml names, is missing",)
-        (folder / "metadata.yaml").write_text(metadata)
+        (folder / "dive_9.mcap.zstd").write_bytes(b"compressed, and there unpacked too")
+        assert [scan.stamp for scan in read_scans([folder]).scans] == TIMES
+        (folder / "dive_9.mcap.zstd").unlink()
         for file in folder.glob("*.mcap"):
             file.unlink()
-        refuses(r"dive: none of the files that metadata\.yaml names is there", read_scans, [folder])
+        refuses(r"dive: it has no file \.db3 or \.mcap; copy the whole folder", read_scans, [folder])
 
 
 def test_points_strengths_and_stamps_of_foxglove_are_read(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Recordings that are cut, or claim what no recorder writes, and damaged metadata of bags."""
+"""Recordings that are cut, or claim what no recorder writes."""
 
 import bz2
 import shutil
@@ -21,7 +21,7 @@ from sonarmap.tools.files.readers.bags.recording import Unpacker
 from sonarmap.tools.files.readers.clouds import rows as bounds
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.bags.messages import CLOUD, cloud
-from tests.samples.bags.samples import dive, recordings
+from tests.samples.bags.samples import recordings
 from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import put
 from tests.samples.processor_time import quick, thrifty
@@ -160,11 +160,9 @@ def test_a_bomb_in_a_bag_is_refused_quickly(tmp_path: Path, kind: str, count: in
         plain = magic + bytes(9 << 20) if count == 1 else recordings()["mcap plain"][1][:-8] + other
     bag = tmp_path / "bag"
     bag.mkdir()
-    names = [f"x{k}.{kind}.zstd" for k in range(count)]
-    for name in names:
-        (bag / name).write_bytes(zstandard.ZstdCompressor().compress(plain))
-    listed = "".join(f"    - {name}\n" for name in names)
-    (bag / "metadata.yaml").write_text(f"rosbag2_bagfile_information:\n  relative_file_paths:\n{listed}")
+    for k in range(count):
+        (bag / f"x{k}.{kind}.zstd").write_bytes(zstandard.ZstdCompressor().compress(plain))
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
     with quick(), pytest.raises(InputError, match=words):
         read_scans([bag])
 
@@ -220,46 +218,6 @@ def test_ros_1_records_of_impossible_length_are_refused(tmp_path: Path, kind: st
                 None,
                 [],
             )
-
-
-METADATA = "metadata.yaml"
-NAMES = "- dive.db3\n  - dive_1.mcap\n"
-UNREADABLE = "metadata.yaml cannot be read; all recordings of the folder are taken"
-
-
-def two_files(folder: Path, name: str) -> Path:
-    """A bag whose recorder went on in a second file: its mounting is in the first alone."""
-    records = [record for record in dive() if record[0] != "/odom"]
-    bag = write_ros2(folder / name, records[:3])
-    write_mcap(bag / f"{name}_1.mcap", records[3:])
-    text = (bag / METADATA).read_text()
-    named = f"- {name}.db3\n"
-    assert named in text
-    (bag / METADATA).write_text(text.replace(named, f"{named}  - {name}_1.mcap\n", 1))
-    return bag
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "shots", "note"),
-    [
-        pytest.param(NAMES, "- dive_1.mcap\n  - dive.db3\n", 3, "", id="another order"),
-        pytest.param("- dive_1.mcap\n", "- dive_1.mcap\n  - dive_1.mcap\n", 3, "", id="a file twice"),
-        ("  - dive_1.mcap\n", "", 2, "dive_1.mcap is left out, as metadata.yaml does not name it"),
-        # it is a bag all the same: its files are one recording, mounted alike
-        ("rosbag2_bagfile_information", "rosbag2_bagfile_infirmation", 3, UNREADABLE),
-        ("rosbag2_bagfile_information", "# ", 3, UNREADABLE),
-        pytest.param(f"\n  {NAMES}", " dive.db3\n", 3, UNREADABLE, id="no list"),
-    ],
-)
-def test_wrong_metadata_of_a_bag_are_noted(tmp_path: Path, old: str, new: str, shots: int, note: str) -> None:
-    bag = two_files(tmp_path, "dive")
-    text = (bag / METADATA).read_text()
-    assert old in text
-    (bag / METADATA).write_text(text.replace(old, new, 1))
-    read = read_survey([bag])
-    assert not read.unread
-    assert [scan.stamp for scan in read.scans] == TIMES[:shots]
-    assert not note or f"dive: {note}" in read.notes
 
 
 @pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])
