@@ -1,13 +1,12 @@
 """Navigation logs: interpolation at the scans' stamps, scans by name, stamp or number, and detection of faulty rows.
 
-Faulty rows are recognized by the log alone: positions too far away to reach and return from in time, values that stand
-still while the vehicle moves, times out of order. They are left out, and listed by their line numbers.
+Faulty rows are recognized by the log alone: positions too far away to reach and return from in time, and times out of
+order. They are left out, and listed by their line numbers.
 """
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -30,10 +29,7 @@ _MIN_ROWS = 12  # of a kind, for its usual steps to be known
 _USUAL_QUANTILE = 0.95  # of the steps' speeds, is the usual speed
 _FASTER = 4.0  # times the usual speed is a jump
 _FEW = 0.1  # rows between two leaps are wrong if they are fewer than this share of all
-_MIN_REPEATS = 5  # rows with the same value that stand still
-_MIN_STILL = 5.0  # [s] that these rows last
-_LONGER = 4.0  # least ratio of their number to the usual number of repeats
-_MOVED = 10.0  # least ratio of the step after them to the usual step
+_TOO_FAR = "far from the rows around, farther than the vehicle gets in the time between"
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,13 +196,9 @@ def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[Navigation
         stated = log.sigmas[np.ix_(rows, columns)]
         noise = float(np.median(stated)) if kind == "position" and np.isfinite(stated).all() else 0.0
         most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
-        # repeated values come first, as a value that stood still leaps when it goes on
-        for faults_of in (_standing, partial(_leaps, fastest=most[0], noise=most[1])):
-            good = np.isfinite(values[np.ix_(rows, columns)]).all(axis=1)
-            for n, reason in faults_of(log.times[rows[good]], series[good]):
-                row = int(rows[good][n])
-                faults.append(RowFault(int(log.lines[row]), kind, reason))
-                values[row, columns] = np.nan
+        for row in rows[_leaps(log.times[rows], series, *most)].tolist():
+            faults.append(RowFault(int(log.lines[row]), kind, _TOO_FAR))
+            values[row, columns] = np.nan
     return replace(log, values=values), sorted(faults, key=lambda fault: fault.line)
 
 
@@ -230,8 +222,8 @@ def _out_of_order(times: np.ndarray) -> list[int]:
     return (1 + np.flatnonzero((before <= behind) & ((own < before) | (own > behind)))).tolist()
 
 
-def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) -> list[tuple[int, str]]:
-    """Rows that the vehicle could not reach and return from in the time between rows, with a reason."""
+def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) -> list[int]:
+    """Rows that the vehicle could not reach and return from in the time between rows."""
     spans = np.diff(times)
     steps = np.linalg.norm(np.diff(series, axis=0), axis=1)
     usual = float(np.quantile(steps / spans, _USUAL_QUANTILE))
@@ -254,22 +246,4 @@ def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) 
             before = last
         elif before >= 0 and behind >= 0 and reaches(before, behind):
             faulty += piece.tolist()
-    return [(k, "far from the rows around, farther than the vehicle gets in the time between") for k in faulty]
-
-
-def _standing(times: np.ndarray, series: np.ndarray) -> list[tuple[int, str]]:
-    """Rows that repeat a value for long although the next value is far from it, with a reason."""
-    starts = np.flatnonzero(np.append(True, (np.diff(series, axis=0) != 0).any(axis=1)))
-    lengths = np.diff(np.append(starts, len(times)))
-    steps = np.linalg.norm(np.diff(series[starts], axis=0), axis=1)
-    if len(starts) < _MIN_ROWS:
-        return []
-    usual, moved = np.median(lengths), np.median(steps)
-    if series.shape[1] == 1 and moved <= 2 * steps.min():
-        return []  # values rounded to degrees or decimeters repeat while a vehicle holds its heading or depth
-    found = list[int]()
-    for start, length, step in zip(starts[:-1].tolist(), lengths[:-1].tolist(), steps.tolist(), strict=True):
-        lasts = times[start + length - 1] - times[start]
-        if length >= max(_MIN_REPEATS, _LONGER * usual) and lasts >= _MIN_STILL and step > _MOVED * moved:
-            found += range(start + 1, start + length)
-    return [(k, "the same as the rows before, while the vehicle moved on") for k in found]
+    return faulty
