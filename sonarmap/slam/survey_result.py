@@ -48,6 +48,7 @@ class SurveyResult:
         wrong_fixes: measurements of instruments that were left out, as all others contradict them.
         understated: ratio of actual to stated errors, by kind of `slam.decide.wrong_measurements` or "odometry"; kinds
             with a ratio of NOTHING or more were left out.
+        mistake: a mistake that explains why instruments contradict the map, and its remedy, in words; "" for none.
         systematic: an error that all fixes share, which was removed from them; None for none.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, relative to the component's first pose or the
             world.
@@ -75,6 +76,7 @@ class SurveyResult:
     voxel: float
     wrong_fixes: tuple[WrongFix, ...] = ()
     understated: Mapping[str, float] = field(default_factory=dict[str, float])
+    mistake: str = ""
     systematic: Systematic | None = None
     keys: tuple[int, ...] | None = None
     interpolated: tuple[int, ...] = ()

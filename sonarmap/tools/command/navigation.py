@@ -14,6 +14,7 @@ from sonarmap.tools.command.terminal import say
 if TYPE_CHECKING:
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.pair import RegisteredPair
+    from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo import Georeference
     from sonarmap.tools.files.readers.navigation.contradictions import Contradiction
@@ -240,6 +241,19 @@ def contradiction_of(
     transforms = RigidTransform.concatenate([each.T_target_source for each in registrations])
     registered = Registered(np.array(i), np.array(j), transforms, np.array([each.covariance for each in registrations]))
     return contradiction([scan.prior for scan in scans], registered, _origin(georeference))
+
+
+def with_mistake(
+    result: "SurveyResult", scans: "Sequence[Scan]", file: object, georeference: "Georeference | None"
+) -> "SurveyResult":
+    """The result with the mistake in the priors in `file` that explains why they err more than their sigmas."""
+    if not result.understated:
+        return result
+    from sonarmap.tools.files.readers.navigation.contradictions import contradiction_of_map
+
+    priors, kinds = [scan.prior for scan in scans], tuple(result.understated)
+    found = contradiction_of_map(result.solution.graph, priors, kinds, _origin(georeference))
+    return result if found is None else replace(result, mistake=f"{found}. In {file}: {found.remedy}")
 
 
 def _origin(georeference: "Georeference | None") -> tuple[float, float] | None:

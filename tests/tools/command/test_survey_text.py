@@ -72,6 +72,12 @@ def test_a_map_joined_only_by_assumed_motion_is_incomplete() -> None:
     assert not replace(joined, pairs=(*(p for p in sought if p.scans != free.scans), free)).unconfirmed
 
 
+def test_a_navigation_mistake_is_reported_first_and_the_map_is_incomplete() -> None:
+    survey = replace(refusing(set()), mistake="they agree with depths in feet", understated={"depth": 4.0})
+    assert faults(survey, NAMES)[0] == "they agree with depths in feet"
+    assert not Mapped(survey, NAMES, Path(), 0).whole
+
+
 def navigated(times: float, seed: int) -> SurveyResult:
     """A survey whose depths and positions err by `times` their stated sigmas."""
     truth, rng = ring_poses(12, turns=0.3), np.random.default_rng(seed)

@@ -32,6 +32,7 @@ from sonarmap.tools.command.navigation import (
     PriorsFile,
     refusing,
     scans_with_priors,
+    with_mistake,
 )
 from sonarmap.tools.command.option import NAVIGATION, JsonOption, QuietOption, given, refuse_without
 from sonarmap.tools.command.output import EarthPlace, MapOutput, export_with_progress
@@ -291,6 +292,9 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
                 survey.vet,
                 survey.turn_rates,
             )
+        files = settings.get("priors", "what recordings measured")
+        named = " and ".join(files) if isinstance(files, list) else files
+        result = with_mistake(result, read.scans, named, survey.georeference)
         times = survey_times(execution.timings, options.processes)
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)

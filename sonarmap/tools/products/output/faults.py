@@ -67,7 +67,8 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
 def contradictions(result: SurveyResult) -> list[str]:
     """Contradictions between navigation and the map, or between groups of scans, one sentence each."""
     rows = {row["kind"]: row["reason"] for row in understated_rows(result)}
-    words = [
+    words = [result.mistake] if result.mistake else []
+    words += [
         rows.get(kind, f"{INSTRUMENTS[kind]} are {sigmas:.1f} standard deviations from the map in the median")
         for kind, sigmas in result.disputed.items()
     ]

@@ -1,29 +1,38 @@
 """Mistakes in navigation that the scans contradict: a wrong sign, exchanged axes, a wrong unit, shifted rows.
 
 Each mistake is a hypothesis that corrects the measurements. Pairs of scans, registered without the navigation, are
-compared with the given and with the corrected navigation; a mistake whose correction agrees is reported. Some mistakes
-concern all scans: mirrored scans agree with navigation whose roll, heading and East have the opposite sign.
+compared with the given and with the corrected navigation; a mistake whose correction agrees is reported. The edges of a
+finished map show more than single pairs. Some mistakes concern all scans: mirrored scans agree with navigation whose
+roll, heading and East have the opposite sign.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.wrong_measurements import KINDS, TAILS, judge_fixes
+from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.spectral.geometry import cross_matrices, twist
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, values_of
 
 LEAST_PAIRS = 6
-_MIN_SIGMAS = 4.5  # evidence above which a mistake is reported
+_MIN_SIGMAS = 4.5  # evidence from pairs, above which a mistake is reported
 _CAP = 100.0  # largest chi-squared of a pair, which bounds the weight of a wrong registration
 _CONFIDENCE = 0.999  # quantile of chi-squared up to which a pair agrees
 _AGREE = 0.8  # share of the pairs that have to agree
 _MAX_WRONG = 0.25  # largest share of the scans whose fixes may be wrong under any hypothesis
 _WRONG_COST = 10.0  # chi-squared that each such scan costs
+_MAX_TURN = 45  # [deg]
+_MIN_TURN = 3  # [deg]
+_COARSE = 3  # [deg], first step of the search for a turn, which ends with 1 degree
 _KINDS = ((0, 1), (2,), (3, 4), (5,))  # columns that one instrument measures
+_MIN_SIGMAS_OF_MAP = 5.5  # evidence from a map, above which a mistake is reported
+_MAX_SCANS = 1000  # of a map: every hypothesis optimizes the graph
 _FOOT = 0.3048  # [m]
 _ROWS = 10  # largest shift of the rows that is tried
 _TIE = 20.0  # hypotheses whose chi-squared differs by less are reported together
@@ -44,7 +53,7 @@ class Contradiction:
     @property
     def remedy(self) -> str:
         """How to correct each of these mistakes, in words."""
-        return ", or ".join(dict.fromkeys(_REMEDIES[name] for name in self.instead))
+        return ", or ".join(dict.fromkeys(_REMEDIES.get(name, _TURN) for name in self.instead))
 
 
 Values = np.ndarray  # (n, 6) in the order of COLUMNS
@@ -78,6 +87,7 @@ def added(degrees: float, column: int, sign: float = 1.0) -> _Change:
 
 
 _COLUMNS = "exchange the columns' names, by --nav-columns"
+_TURN = "give the turn by --mount 0,0,DEGREES, or --heading-reference, --magnetic-declination"
 # {remedy: {mistake: change of the navigation that corrects it}}
 _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
     "give --nav-frame, or turn the sign in the file": {
@@ -93,9 +103,7 @@ _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
     "give --nav-frame enu and name the column yaw": {
         "heading_deg as a yaw, counterclockwise from East": added(90.0, 2, -1.0)
     },
-    "give the turn by --mount 0,0,DEGREES, or --heading-reference, --magnetic-declination": {
-        f"heading_deg turned by {by} degrees": added(by, 2) for by in (90, 180, 270)
-    },
+    _TURN: {f"heading_deg turned by {by} degrees": added(by, 2) for by in (90, 180, 270)},
     _COLUMNS: {"roll_deg and pitch_deg exchanged": _exchanged(0, 1), "East and North exchanged": _exchanged(3, 4)},
     "name the columns roll_rad, pitch_rad, heading_rad, by --nav-columns": {
         "angles in radians": _scaled(180 / np.pi, 0, 1, 2)
@@ -135,9 +143,9 @@ def _geographic(origin: tuple[float, float]) -> _Change:
 
 
 def corrected(values: Values, origin: tuple[float, float] | None = None) -> Iterator[tuple[str, Values]]:
-    """The mistakes and the values corrected for each. Corrections that change nothing, or the same as an earlier one
-    with the same remedy, are left out. `origin`: latitude and longitude of the origin of positions [deg], if they were
-    read as such."""
+    """The mistakes and the values corrected for each, without headings turned by other angles. Corrections that change
+    nothing, or the same as an earlier one with the same remedy, are left out. `origin`: latitude and longitude of the
+    origin of positions [deg], if they were read as such."""
     geographic = {} if origin is None else {_GEOGRAPHIC: _geographic(origin)}
     for remedy, named in _MISTAKES.items():
         before = [values]
@@ -148,12 +156,12 @@ def corrected(values: Values, origin: tuple[float, float] | None = None) -> Iter
                 yield name, changed
 
 
-def best_of(falls: Mapping[str, float]) -> Contradiction | None:
-    """The best hypotheses, if chi-squared decreases enough and not too many are about equally good. `falls`: decrease
-    of chi-squared by hypothesis."""
+def best_of(falls: Mapping[str, float], least: float) -> Contradiction | None:
+    """The best hypotheses, if chi-squared decreases by `least` sigmas or more and not too many are about equally good.
+    `falls`: decrease of chi-squared by hypothesis."""
     best = max(falls.values(), default=0.0)
     named = tuple(name for name in sorted(falls, key=lambda name: -falls[name]) if falls[name] > best - _TIE)
-    if best < _MIN_SIGMAS**2 or len(named) > _MAX_REPORTED:
+    if best < least**2 or len(named) > _MAX_REPORTED:
         return None
     return Contradiction(float(np.sqrt(best)), named)
 
@@ -196,6 +204,15 @@ def contradiction(
     for name, changed in corrected(values, origin):
         # standard deviations keep their columns and rows
         costs[name] = pair_costs(changed, sigmas * np.where(LENGTHS, SIZES.get(name, 1.0), 1.0), registered)
+    turned: dict[int, np.ndarray] = {}
+    for step in (_COARSE, 1):
+        near = min(turned, key=lambda by: turned[by][:, 0].sum(), default=0)
+        reach = _COARSE if turned else _MAX_TURN
+        for by in range(near - reach, near + reach + 1, step):
+            if by not in turned and abs(by) >= _MIN_TURN:
+                turned[by] = pair_costs(added(by, 2)(values), sigmas, registered)
+    by = min(turned, key=lambda by: turned[by][:, 0].sum())
+    costs[f"heading_deg turned by {by} degrees"] = turned[by]
     return _verdict([given, *_ordinary(values, sigmas, registered)], costs, registered)
 
 
@@ -235,7 +252,7 @@ def _verdict(
             i, j = registered.i[both], registered.j[both]
             rivals = (_without_wrong(each[both], i, j) + float((each - given)[both, 2].sum()) for each in ordinary)
             falls[name] = min(rivals) - _without_wrong(cost[both], i, j)
-    return best_of(falls)
+    return best_of(falls, _MIN_SIGMAS)
 
 
 def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np.ndarray:
@@ -278,3 +295,66 @@ def _covariance(sigmas: np.ndarray, shift: np.ndarray, R_world_source: Rotation,
     of_tangent = np.zeros((len(i), 6, 6))
     of_tangent[:, :3, :3] = of_tangent[:, 3:, 3:] = R_world_source.as_matrix()
     return covariance + of_tangent @ registered.covariances @ of_tangent.transpose(0, 2, 1)
+
+
+def contradiction_of_map(
+    graph: PoseGraph,
+    priors: Sequence[PosePrior | None],
+    kinds: Sequence[str],
+    origin: tuple[float, float] | None = None,
+) -> Contradiction | None:
+    """The mistake whose correction makes measurements of these kinds, whose errors are too large, agree with a map.
+
+    Args:
+        graph: pose graph of the map, at its optimum.
+        priors: given measurements of all scans.
+        kinds: of `slam.decide.wrong_measurements`.
+        origin: as of `corrected`.
+    """
+    if len(priors) > _MAX_SCANS:
+        return None
+    values, sigmas = measured_values(priors)
+    columns = [k for kind in kinds if kind in KINDS for k in range(*KINDS[kind].indices(6))]
+    used = np.isin(np.arange(6), columns) & np.isfinite(values).any(axis=0)
+    given, edges = _residuals(graph, values, sigmas)
+    counted = np.isfinite(values)[:, used].sum()
+    ordinary = [
+        _cost(np.where(used, given / times, given), 1) + edges + 2 * counted * np.log(times) for times in (1.0, *TIMES)
+    ]
+    ordinary.append(_total(graph, np.where(used, 0.0 * values, values), sigmas))
+    falls: dict[str, float] = {}
+    for name, changed in corrected(values, origin):
+        differ = ~np.isclose(changed, values, equal_nan=True).all(axis=0)
+        # shifted rows and scaled scans are hypotheses for pairs only
+        if np.isnan(changed).sum() == np.isnan(values).sum() and name not in SIZES and (differ & used).any():
+            falls[name] = min(ordinary) - _total(graph, changed, sigmas)
+    return best_of(falls, _MIN_SIGMAS_OF_MAP)
+
+
+def _cost(residuals: np.ndarray, numbers: int) -> float:
+    """-2 log likelihood of `residuals` [sigmas] of `numbers` dimensions each under Student's t; NaN counts 0."""
+    return float(np.nansum((TAILS + numbers) * np.log1p(residuals**2 / TAILS)))
+
+
+def _total(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> float:
+    """Cost of the measurements and edges together; infinite if the graph has no solution."""
+    try:
+        residuals, edges = _residuals(graph, values, sigmas)
+    except InputError:
+        return np.inf
+    return _cost(residuals, 1) + edges
+
+
+def _residuals(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> tuple[np.ndarray, float]:
+    """(n, 6) residuals of the measurements at the optimum [sigmas], and the cost of the edges there."""
+    known = np.isfinite(values)
+    poses = poses_of(np.nan_to_num(values))
+    given = {
+        k: PosePrior(poses[k], np.where(known[k], sigmas[k], np.inf))
+        for k in np.flatnonzero(known.any(axis=1)).tolist()
+    }
+    judged = judge_fixes(replace(graph, priors=()), given)
+    solution = replace(graph, priors=tuple(sorted(judged.priors.items()))).optimize(covariances=False)
+    residuals = values - values_of(solution.trajectory.T_world_sensor)
+    residuals[:, :3] = np.radians((residuals[:, :3] + 180) % 360 - 180)
+    return residuals / sigmas, _cost(solution.residuals, 6)

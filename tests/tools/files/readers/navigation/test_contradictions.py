@@ -159,6 +159,11 @@ def test_positions_in_feet_mirrored_or_at_other_times_are_named() -> None:
         assert verdict is not None, name
         assert verdict.instead[0] == name
         assert verdict.remedy
+    far = truth * np.array([1, 1, 1, 5, 5, 1])
+    turned = contradiction(priors(measured(far, rng) - np.array([0, 0, 31, 0, 0, 0])), registered(far, rng))
+    assert turned is not None
+    (name,) = turned.instead
+    assert int(name.split()[3]) == pytest.approx(31, abs=4), name
     opposite = contradiction(priors(values * np.array([1, 1, 1, -1, -1, 1])), pairs)
     assert opposite is not None
     assert set(opposite.instead) == {"East and North with their signs turned", "heading_deg turned by 180 degrees"}
