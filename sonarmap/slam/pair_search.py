@@ -13,6 +13,7 @@ from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.map.cell import outline
+from sonarmap.slam.motion.likely_steps import with_likely_steps
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
@@ -20,7 +21,6 @@ from sonarmap.slam.motion.reconsider import (
     expected_by,
     is_doubtful,
     with_both,
-    with_likely_steps,
     with_motion,
     without_unreachable,
 )

@@ -46,6 +46,11 @@ class ExpectedPose:
         """(6,) standard deviations about and along the target's axes, rotation first [rad, m]."""
         return np.sqrt(np.diag(rotated(self.T_target_source.rotation, self.covariance)))
 
+    def relative_to(self, T_target_source: RigidTransform) -> tuple[np.ndarray, np.ndarray]:
+        """The step (6,) to it from another pose of the source, and its (6, 6) covariance, in the axes of that pose."""
+        T_other_expected = T_target_source.inv() * self.T_target_source
+        return np.asarray(T_other_expected.as_exp_coords()), rotated(T_other_expected.rotation, self.covariance)
+
     def distance(self, T_target_source: RigidTransform) -> float:
         """How far another pose is from it (Mahalanobis)."""
         xi: np.ndarray = (self.T_target_source.inv() * T_target_source).as_exp_coords()

@@ -136,7 +136,7 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
     parts = device.empty((3, rows))
     rows_per_item = _ROWS_PER_ITEM if device.is_cpu else 1
     launch(
-        device, "pomf/peak", "row_statistics", (-(-rows // rows_per_item),),
+        device, "pomf/rows", "row_statistics", (-(-rows // rows_per_item),),
         memory_of(correlation), parts, np.int32(rows), np.int32(reach), begin_of(correlation),
         LENGTH=length, ROWS=rows_per_item,
     )  # fmt: skip
@@ -198,7 +198,7 @@ def _rows(device: Device, correlation: cla.Array, rows: np.ndarray) -> np.ndarra
     gathered = device.empty((rows.size, length))
     wanted = device.to_device(rows.astype(np.int32).ravel())
     whole, begin = memory_of(correlation), begin_of(correlation)
-    launch(device, "pomf/peak", "gather_rows", (rows.size,), whole, wanted, gathered, begin, LENGTH=length)
+    launch(device, "pomf/rows", "gather_rows", (rows.size,), whole, wanted, gathered, begin, LENGTH=length)
     return gathered.get().reshape(*rows.shape, length)
 
 

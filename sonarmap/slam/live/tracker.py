@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.motion.likely_steps import with_likely_steps
 from sonarmap.slam.motion.limits import NO_LIMITS, MotionLimits
 from sonarmap.slam.motion.motion import Motion
-from sonarmap.slam.motion.reconsider import is_doubtful, with_both, with_likely_steps, with_motion, without_unreachable
+from sonarmap.slam.motion.reconsider import is_doubtful, with_both, with_motion, without_unreachable
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.slam.stream.keys import KeySettings, key_share
 from sonarmap.spectral.result import Registration

@@ -18,7 +18,6 @@ _VARIANCE_FACTOR = 3.0  # of an expected pose over the marginal in the estimate 
 _CONTRADICTED = 0.1  # factor of the probability of a hypothesis that the motion contradicts: vehicles do jump
 _MIN_DISTANCE = 2.0  # that constrains the direction of motion [standard deviations]; at rest there is none
 _ROUNDS = 5  # of updating the direction of motion
-_STEP_ODDS = 2.5  # odds that consecutive scans overlap, over those of any pair
 
 
 def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
@@ -51,7 +50,7 @@ def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion |
     hypotheses = (first.registration, *first.registration.alternatives)
     earlier = tuple(_lowered(each, remaining, first, motion) for each in hypotheses)
     if motion is None and second.expected is not None:
-        away, window = _window(retry, second.expected)
+        away, window = second.expected.relative_to(retry.T_target_source)
         retry = replace(retry, covariance=retry.covariance + wrong * (window + np.outer(away, away)))
     return replace(second, registration=replace(retry, alternatives=(*retry.alternatives, *earlier)))
 
@@ -77,55 +76,6 @@ def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.n
     T, covariances = solution.relatives(np.array([pair.scans for pair in pairs], np.intp).reshape(-1, 2))
     wider = _VARIANCE_FACTOR * covariances + np.diag(floor**2)
     return [ExpectedPose.of(T_i_j, covariance) for T_i_j, covariance in zip(T, wider, strict=True)]
-
-
-def with_likely_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -> list[RegisteredPair]:
-    """The pairs, with a higher probability of consecutive ones, which nearly always overlap.
-
-    Those that are then likely are accepted; the usual motion widens covariances with an unconstrained direction.
-    """
-    return [_as_step(pair, motion) if pair.role == "sequential" and not pair.accepted else pair for pair in pairs]
-
-
-def _as_step(pair: RegisteredPair, motion: AnyMotion | None) -> RegisteredPair:
-    registration = pair.registration
-    if registration is None or not registration.probability > 0:
-        return pair
-    odds = _STEP_ODDS * registration.probability
-    as_step = registration.with_probability(odds / (odds + 1 - registration.probability))
-    if not as_step.placed:
-        return pair
-    usual = None if motion is None or motion.is_measured(*pair.scans) else motion
-    why, evidence = "likely enough for a step between consecutive scans", (("likely", registration.probability),)
-    if registration.placed:
-        why, evidence = "the usual motion constrains the direction that the scans do not", ()
-    if not registration.is_fixed:
-        if usual is None:
-            return pair
-        as_step = _either(as_step, usual.expected(*pair.scans), registration.probability)
-    evidence = (*registration.evidence, *evidence)
-    accepted = replace(as_step, accepted=True, reason=f"{why}; {registration.reason}", evidence=evidence)
-    return replace(pair, registration=accepted)
-
-
-def _either(registration: Registration, expected: ExpectedPose, share: float) -> Registration:
-    """Mean and covariance of a mixture of the registration, with weight `share`, and the expected pose."""
-    away, window = _window(registration, expected)
-    return replace(
-        registration,
-        T_target_source=registration.T_target_source * RigidTransform.from_exp_coords((1 - share) * away),
-        covariance=share * registration.covariance + (1 - share) * window + share * (1 - share) * np.outer(away, away),
-        T_by_scans=None,
-        covariance_by_scans=None,
-    )
-
-
-def _window(registration: Registration, expected: ExpectedPose) -> tuple[np.ndarray, np.ndarray]:
-    """The step (6,) from a registration to the expected pose, and the (6, 6) covariance of the latter, in the axes of
-    the registered source."""
-    T_registered_expected = registration.T_target_source.inv() * expected.T_target_source
-    away: np.ndarray = T_registered_expected.as_exp_coords()
-    return away, rotated(T_registered_expected.rotation, expected.covariance)
 
 
 def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:

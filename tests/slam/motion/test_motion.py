@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.motion.likely_steps import with_likely_steps
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.odometry import Odometry
-from sonarmap.slam.motion.reconsider import with_likely_steps
 from sonarmap.slam.pair import RegisteredPair
 from tests.samples.surveys import chained_graph, registration, ring_poses, step_pair
 
