@@ -19,7 +19,8 @@ from sonarmap.spectral.scan import PosePrior
 
 # The rigid motions of a component, in the order of `unmeasured`.
 MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
-# Standard deviations above which a motion is unconstrained. A tilt's is a first-order one and means little if large.
+# Standard deviations above which a motion is unconstrained. Those of turns that only positions show are first-order
+# ones and mean little if large; a measured turn may be as uncertain as it is.
 _OPEN_TURN = 0.3  # [rad]
 _OPEN_TILT = 0.1  # [rad]
 _OPEN = 1e3  # [m], turns times the lever
@@ -160,6 +161,7 @@ class MotionInformation:
     T_world: RigidTransform  # N poses, the linearization point
     about: RigidTransform  # T_world_about, level: a motion is a turn about it and a shift, along the world's axes
     of_poses: np.ndarray  # (N, 6, 6) information from the measurements of each pose
+    of_turns: np.ndarray  # (N, 3, 3) information about turns from measured rotations alone
     scans: np.ndarray  # (m,) int, the pose of each measured place
     places: np.ndarray  # (m, 3) positions of these places [m, world]
 
@@ -173,19 +175,24 @@ class MotionInformation:
     ) -> "MotionInformation":
         """From instruments' priors by pose, known poses, and control points."""
         about, count = RigidTransform.from_translation(T_world.translation.mean(axis=0)), len(T_world)
-        of_poses, placed = np.zeros((count, 6, 6)), np.zeros(count, bool)
+        of_poses, of_turns, placed = np.zeros((count, 6, 6)), np.zeros((count, 3, 3)), np.zeros(count, bool)
         if priors:
             measured = MeasuredPoses.of(priors)
             J = measured.jacobian(T_world[measured.poses], about.translation)
             of_poses[measured.poses] = np.einsum("nij,ni,nik->njk", J, measured.precisions, J)
+            turns = J[:, :3, :3]
+            of_turns[measured.poses] = np.einsum("nij,ni,nik->njk", turns, measured.precisions[:, :3], turns)
             placed[measured.poses] = (measured.precisions[:, 3:] > 0).any(axis=1)
         for each in [*known, *(point.known_pose(T_world[point.scan]) for point in control)]:
             A = adjoint(T_world[each.pose].inv() * about)
             of_poses[each.pose] += A.T @ each.information @ A
+        for each in known:
+            R = T_world[each.pose].rotation.as_matrix()
+            of_turns[each.pose] += R @ each.information[:3, :3] @ R.T
         placed[[each.pose for each in known if each.information[3:, 3:].any()]] = True
         positioned, points = np.flatnonzero(placed), [T_world[each.scan].apply(each.point) for each in control]
         scans = np.concatenate([positioned, np.array([each.scan for each in control], np.intp)])
-        return cls(T_world, about, of_poses, scans, np.vstack([T_world.translation[positioned], *points]))
+        return cls(T_world, about, of_poses, of_turns, scans, np.vstack([T_world.translation[positioned], *points]))
 
     def open_motion(self, members: Sequence[int]) -> OpenMotion | None:
         """The unconstrained motions of a component; None where nothing was measured of its poses.
@@ -204,5 +211,7 @@ class MotionInformation:
         values, axes = np.linalg.eigh(A.T @ total @ A)
         sigmas = 1 / np.sqrt(np.maximum(values, 1e-30))
         turns, tilts = (sigmas * np.linalg.norm(axes[:k], axis=0) / lever for k in (3, 2))
-        free = (sigmas > _OPEN) | (turns > _OPEN_TURN) | (tilts > _OPEN_TILT)
+        of_turns = np.einsum("ak,ab,bk->k", axes[:3], self.of_turns[chosen].sum(axis=0), axes[:3])
+        measured = of_turns > (axes[:3] ** 2).sum(axis=0) / np.pi**2
+        free = (sigmas > _OPEN) | (~measured & ((turns > _OPEN_TURN) | (tilts > _OPEN_TILT)))
         return OpenMotion(middle, axes[:, free], lever, _HELD_SHARE * float(sigmas.min()))

@@ -5,9 +5,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.gauge import MEASURED
+from sonarmap.slam.graph.known_pose import KnownPose
 from sonarmap.slam.graph.place import place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
-from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.spectral.scan import PosePrior
 from tests.samples.surveys import chain_edges
 
@@ -117,3 +118,15 @@ def test_a_straight_track_does_not_measure_roll() -> None:
     assert solution.graph.gauge.open_motions[0].axes.shape == (6, 1)
     assert solution.graph.gauge.unmeasured[0][:2].all()
     assert tilts(solution.trajectory.T_world_sensor, truth).max() < 20
+
+
+@pytest.mark.parametrize("sigma", [1e-3, 0.4, 1.0])
+def test_a_measured_turn_is_used_however_uncertain(sigma: float) -> None:
+    """Files of other programs have priors with information 1."""
+    truth = orbit()
+    edges = tuple(chain_edges(truth, np.diag([0.001] * 3 + [0.02] * 3) ** 2))
+    off = RigidTransform.from_components([1.0, -2.0, 0.5], Rotation.from_rotvec([0.1, -0.2, 0.6]))
+    known = KnownPose(0, truth[0], np.eye(6) / sigma**2)
+    solution = PoseGraph(Trajectory(np.arange(float(COUNT)), off * truth), edges, known=(known,)).optimize()
+    assert not solution.graph.gauge.unmeasured
+    np.testing.assert_allclose((truth.inv() * solution.trajectory.T_world_sensor).as_exp_coords(), 0, atol=1e-4)
