@@ -21,7 +21,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
 from sonarmap.tools.products.compare.cloud import PointCloud
-from sonarmap.tools.products.compare.distances import Distances, Region, Verdict, distances_between, regions_of
+from sonarmap.tools.products.compare.detection import Distances, Region, Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import Epoch
 
 MOST_VIEWS = 16  # largest number of views of the new map, spread over its track

@@ -13,7 +13,7 @@ from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, locked
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.tables import write_json, write_table
 from sonarmap.tools.products.compare.comparison import Comparison
-from sonarmap.tools.products.compare.distances import Distances, Region, Verdict
+from sonarmap.tools.products.compare.detection import Distances, Region, Verdict
 from sonarmap.tools.products.export.geotiff import NODATA
 from sonarmap.tools.products.export.grid import check_size
 from sonarmap.tools.products.report.pictures import write_png

@@ -12,7 +12,7 @@ from PIL import Image
 
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
-from sonarmap.tools.products.compare.distances import Verdict
+from sonarmap.tools.products.compare.detection import Verdict
 from tests.samples.clutter_scans import (
     T_WORLD_SENSOR,
     clutter,

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import block_diag
 
-from sonarmap.tools.products.compare.distances import Distances, distances_between
+from sonarmap.tools.products.compare.detection import Distances, distances_between
 from sonarmap.tools.products.compare.surface import Epoch, levers
 
 VOXEL = 0.5

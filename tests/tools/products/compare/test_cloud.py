@@ -13,7 +13,7 @@ from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.products.compare.cloud import PointCloud
 from sonarmap.tools.products.compare.comparison import Alignment
-from sonarmap.tools.products.compare.distances import Distances, Verdict, regions_of
+from sonarmap.tools.products.compare.detection import Distances, Verdict, regions_of
 from sonarmap.tools.products.compare.surface import Epoch
 from tests.samples.cloud_files import las, put
 from tests.samples.surveys import drawn

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.tangent import lengths
 from sonarmap.tools.products.compare.comparison import Comparison, agreed
-from sonarmap.tools.products.compare.distances import Verdict, distances_between, regions_of
+from sonarmap.tools.products.compare.detection import Verdict, distances_between, regions_of
 from sonarmap.tools.products.compare.surface import RADIUS, cores_of, layer_of
 from tests.samples.surveys import drawn
 from tests.tools.products.compare.made_up import ALIGNMENT, NOISE, VOXEL, bed, compared, surveyed
