@@ -112,12 +112,14 @@ class Comparison:
             heaviest = [float(weight[group].sum()) for group in groups]
             clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _MIN_LEAD
             for rank, group in enumerate(groups):
+                free, expected = (weight[[k for k in group if possible_edges[k].expected is e]] for e in (False, True))
+                independent = float(free.sum() + expected.max(initial=0.0))
                 counted = [possible_edges[k] for k in group if possible_edges[k].counts]
                 pairs = len({possible.scans for possible in counted})
                 for k in group:
                     sigmas, leads = float(self.sigmas[k]), rank == 0 and clear
                     support[k] = Support(
-                        pairs, heaviest[rank], leads, sigmas, sigmas <= self.bound, bool(self.elsewhere[k])
+                        pairs, independent, leads, sigmas, sigmas <= self.bound, bool(self.elsewhere[k])
                     )
         return [replace(possible, support=support[k]) for k, possible in enumerate(possible_edges)]
 

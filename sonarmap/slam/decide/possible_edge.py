@@ -25,7 +25,9 @@ class Support:
     """The evidence for a possible edge."""
 
     pairs: int = 1  # number of agreeing pairs in its group, its own included
-    weight: float = 0.0  # of the group: negative logarithm of the probability that all of it is wrong
+    # of the group: negative logarithm of the probability that all of it is wrong; of hypotheses that were sought where
+    # they are expected the best alone, as one wrong expectation misleads all of them
+    weight: float = 0.0
     leading: bool = False  # whether its group is clearly heavier than the next between the same components
     sigmas: float = float("nan")  # Mahalanobis distance from its component's chain; NaN if it joins two components
     agrees: bool = False  # whether this is within the bound; False if it joins two components
@@ -42,6 +44,7 @@ class PossibleEdge:
     registration: Registration  # the hypothesis
     rank: int = 0  # 0 for the registration itself, 1 and more for its alternatives
     near: bool = False  # whether the scans are close in time, so that they certainly overlap
+    expected: bool = False  # whether it was sought only where the motion or an estimate expects it
     support: Support = Support()  # by the other pairs, once they are compared
 
     @property
@@ -134,6 +137,7 @@ def possible_edges(pair: RegisteredPair) -> list[PossibleEdge]:
         return []
     hypotheses: Sequence[Registration] = (pair.registration, *pair.registration.alternatives)
     possible = [
-        PossibleEdge(pair.i, pair.j, each, rank, near=pair.role != "loop") for rank, each in enumerate(hypotheses)
+        PossibleEdge(pair.i, pair.j, each, rank, pair.role != "loop", pair.expected is not None)
+        for rank, each in enumerate(hypotheses)
     ]
     return [edge for edge in possible if edge.counts or edge.placed]

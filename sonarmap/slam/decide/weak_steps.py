@@ -12,7 +12,7 @@ _MAX_SHARE = 1 / 3  # of weak steps; with more, other scans than consecutive one
 
 
 def unconfirmed_steps(pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-    """Accepted steps with a low probability, without an accepted pair across that was registered freely."""
+    """Registered steps with a low probability, without an accepted pair across that was registered freely."""
     registered = [pair for pair in pairs if pair.registration is not None]
     spanned = np.zeros(2 + max((pair.j for pair in registered), default=0), np.intp)  # differences along the steps
     for pair in registered:
@@ -20,22 +20,27 @@ def unconfirmed_steps(pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
             spanned[pair.i] += 1
             spanned[pair.j] -= 1
     spanned = np.cumsum(spanned)
-    steps = [pair for pair in registered if pair.role == "sequential" and pair.accepted and not spanned[pair.i]]
+    steps = [pair for pair in registered if pair.role == "sequential" and not spanned[pair.i]]
     return [step for step in steps if step.registration and step.registration.probability < _MIN_PROBABILITY]
 
 
-def weak_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
-    """The scans of weak steps (k, k + 1): unconfirmed, and refused are (k - 1, k + 1) and (k, k + 2), which overlap
-    most of all pairs across.
+def refused_beside(pairs: Sequence[RegisteredPair]) -> dict[int, int]:
+    """By the first scan of an unconfirmed step (k, k + 1): how many of (k - 1, k + 1) and (k, k + 2) are refused.
 
-    Where two dives meet, pairs about the estimate that relies on the joint can fit by chance, but rarely these two.
+    Of all pairs across a step these overlap most. Where two dives meet, pairs about the estimate that relies on the
+    joint can fit by chance, but rarely these two.
     """
     refused = {pair.scans for pair in pairs if pair.registration is not None and not pair.accepted}
     return {
-        step.scans
+        step.i: ((step.i - 1, step.j) in refused) + ((step.i, step.j + 1) in refused)
         for step in unconfirmed_steps(pairs)
-        if refused.issuperset([(step.i - 1, step.j), (step.i, step.j + 1)])
     }
+
+
+def weak_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
+    """The scans of weak steps: accepted, but unconfirmed, and both pairs beside them are refused."""
+    refused = refused_beside(pairs)
+    return {step.scans for step in unconfirmed_steps(pairs) if step.accepted and refused[step.i] == 2}
 
 
 def without_weak_steps(pairs: Sequence[RegisteredPair], tied: Collection[tuple[int, int]]) -> Sequence[RegisteredPair]:

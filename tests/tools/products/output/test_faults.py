@@ -32,7 +32,8 @@ def survey() -> SurveyResult:
 
 
 @pytest.mark.parametrize(
-    ("probability", "across", "warned"), [(0.75, "refused", True), (0.75, "kept", False), (0.93, "refused", False)]
+    ("probability", "across", "warned"),
+    [(0.75, "refused", True), (0.75, "kept", False), (0.93, "refused", True), (0.93, "kept", False)],
 )
 def test_uncertain_steps_are_named_if_one_of_them_may_well_be_wrong(
     probability: float, across: str, warned: bool
@@ -54,7 +55,7 @@ def test_uncertain_steps_are_named_if_one_of_them_may_well_be_wrong(
     if warned:
         assert sentences[0].startswith(
             "1 of 9 steps between consecutive scans, as between scan4 and scan5, are uncertain: all are right with a "
-            "probability of 75%"
+            f"probability of {probability:.0%}"
         )
     sigmas = np.array([np.inf, np.inf, np.inf, 0.5, 0.5, np.inf])
     priors = tuple((k, PosePrior(RigidTransform.identity(), sigmas)) for k in (4, 5))
