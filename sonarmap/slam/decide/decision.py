@@ -69,8 +69,8 @@ def decide(
     Accepted registrations of consecutive scans form the chain. All other hypotheses, alternatives and refused ones
     included, have to agree with the chain or with one another; those that join components come first. Outlier rejection
     can then reject any of these edges, also of the chain. Pairs that a person accepted or added are always edges, pairs
-    that a person rejected never. A doubtful consecutive pair that no pair across confirms is a gap, except where dead
-    reckoning joins its scans. `voxel` is in meters.
+    that a person rejected never. A doubtful consecutive pair is a gap if the pairs beside it are refused
+    (`weak_steps`), except where dead reckoning joins its scans. `voxel` is in meters.
     """
     pairs = without_weak_steps(pairs, {*measurements.ties, *((edge.i, edge.j) for edge in measurements.steps)})
     distrusted: set[tuple[int, int]] = set()

@@ -1,7 +1,7 @@
 """Weak odometry edges: doubtful consecutive pairs that no other pair confirms, as at the joint of two dives."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,36 +11,37 @@ _MIN_PROBABILITY = 0.95  # of a step that needs no confirmation
 _MAX_SHARE = 1 / 3  # of weak steps; with more, other scans than consecutive ones overlap too little to confirm a step
 
 
-def unconfirmed_steps(pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-    """Registered steps with a low probability, without an accepted pair across that was registered freely."""
+@dataclass(frozen=True, slots=True)
+class UnconfirmedStep:
+    """A step (k, k + 1) with a low probability, without an accepted pair across that was registered freely."""
+
+    pair: RegisteredPair
+    # How many of (k - 1, k + 1) and (k, k + 2) are refused. Of all pairs across the step these overlap most: where two
+    # dives meet, pairs about the estimate that relies on the joint can fit by chance, but rarely these two.
+    refused: int
+
+
+def unconfirmed_steps(pairs: Sequence[RegisteredPair]) -> list[UnconfirmedStep]:
+    """The unconfirmed ones of all registered steps, in the order of the pairs."""
     registered = [pair for pair in pairs if pair.registration is not None]
+    refused = {pair.scans for pair in registered if not pair.accepted}
     spanned = np.zeros(2 + max((pair.j for pair in registered), default=0), np.intp)  # differences along the steps
     for pair in registered:
         if pair.accepted and pair.role != "sequential" and pair.expected is None:
             spanned[pair.i] += 1
             spanned[pair.j] -= 1
     spanned = np.cumsum(spanned)
-    steps = [pair for pair in registered if pair.role == "sequential" and not spanned[pair.i]]
-    return [step for step in steps if step.registration and step.registration.probability < _MIN_PROBABILITY]
-
-
-def refused_beside(pairs: Sequence[RegisteredPair]) -> dict[int, int]:
-    """By the first scan of an unconfirmed step (k, k + 1): how many of (k - 1, k + 1) and (k, k + 2) are refused.
-
-    Of all pairs across a step these overlap most. Where two dives meet, pairs about the estimate that relies on the
-    joint can fit by chance, but rarely these two.
-    """
-    refused = {pair.scans for pair in pairs if pair.registration is not None and not pair.accepted}
-    return {
-        step.i: ((step.i - 1, step.j) in refused) + ((step.i, step.j + 1) in refused)
-        for step in unconfirmed_steps(pairs)
-    }
+    return [
+        UnconfirmedStep(pair, ((pair.i - 1, pair.j) in refused) + ((pair.i, pair.j + 1) in refused))
+        for pair in registered
+        if pair.role == "sequential" and not spanned[pair.i]
+        if pair.registration is not None and pair.registration.probability < _MIN_PROBABILITY
+    ]
 
 
 def weak_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
     """The scans of weak steps: accepted, but unconfirmed, and both pairs beside them are refused."""
-    refused = refused_beside(pairs)
-    return {step.scans for step in unconfirmed_steps(pairs) if step.accepted and refused[step.i] == 2}
+    return {step.pair.scans for step in unconfirmed_steps(pairs) if step.pair.accepted and step.refused == 2}
 
 
 def without_weak_steps(pairs: Sequence[RegisteredPair], tied: Collection[tuple[int, int]]) -> Sequence[RegisteredPair]:

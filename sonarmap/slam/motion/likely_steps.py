@@ -31,16 +31,14 @@ def _as_step(pair: RegisteredPair, motion: AnyMotion | None) -> RegisteredPair:
     if not as_step.placed:
         return pair
     usual = None if motion is None or motion.is_measured(*pair.scans) else motion
-    why, evidence = "likely enough for a step between consecutive scans", (("likely", registration.probability),)
+    why = "likely enough for a step between consecutive scans"
     if registration.placed:
-        why, evidence = "the usual motion constrains the direction that the scans do not", ()
+        why = "the usual motion constrains the direction that the scans do not"
     if not registration.is_fixed:
         if usual is None:
             return pair
         as_step = _either(as_step, usual.expected(*pair.scans), registration.probability)
-    evidence = (*registration.evidence, *evidence)
-    accepted = replace(as_step, accepted=True, reason=f"{why}; {registration.reason}", evidence=evidence)
-    return replace(pair, registration=accepted)
+    return replace(pair, registration=replace(as_step, accepted=True, reason=f"{why}; {registration.reason}"))
 
 
 def _either(registration: Registration, expected: ExpectedPose, share: float) -> Registration:

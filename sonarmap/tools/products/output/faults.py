@@ -7,7 +7,7 @@ from typing import Any
 
 from sonarmap.kernels.counted import counted
 from sonarmap.slam.decide.systematic import Systematic
-from sonarmap.slam.decide.weak_steps import refused_beside, unconfirmed_steps
+from sonarmap.slam.decide.weak_steps import unconfirmed_steps
 from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.odd.odd_scan import OddScan
@@ -211,12 +211,11 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     kept = {pair.scans for pair in result.pairs if pair.role == "sequential" and pair.edge is not None}
     located = {pose for pose, prior in result.solution.graph.priors if prior.knows_position}
     trusted = [pair for pair in result.pairs if pair.kept or not pair.accepted]  # what the map rejects confirms nothing
-    unsure = [step for step in unconfirmed_steps(trusted) if step.scans in kept]
-    unsure = [step for step in unsure if not located.issuperset(step.scans)]
-    right = math.prod(step.registration.probability for step in unsure if step.registration)
-    refused = refused_beside(trusted)
-    if right < _SURE or any(refused[step.i] for step in unsure):
-        first = unsure[0]
+    unsure = [step for step in unconfirmed_steps(trusted) if step.pair.scans in kept]
+    unsure = [step for step in unsure if not located.issuperset(step.pair.scans)]
+    right = math.prod(step.pair.registration.probability for step in unsure if step.pair.registration)
+    if right < _SURE or any(step.refused for step in unsure):
+        first = unsure[0].pair
         yield (
             f"{len(unsure)} of {len(kept)} steps between consecutive scans, as between {names[first.i]} and "
             f"{names[first.j]}, are uncertain: all are right with a probability of {right:.0%}, and no other pair "
