@@ -21,11 +21,10 @@ from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.straighten import Straightened, Way, sharper, straightened, ways
 from sonarmap.slam.motion.turn_rates import TurnRates
-from sonarmap.slam.odd.odd_scan import OddScan
+from sonarmap.slam.odd.odd_scan import find_odd
 from sonarmap.slam.odd.scaled import find_scaled
-from sonarmap.slam.odd.search import find_odd
 from sonarmap.slam.pair import RegisteredPair, require_any_registered
-from sonarmap.slam.pair_search import PairSearch, register_steps
+from sonarmap.slam.pair_search import PairSearch
 from sonarmap.slam.stream.between import with_between
 from sonarmap.slam.stream.keys import KeySettings, choose_keys
 from sonarmap.slam.survey_result import SurveyResult
@@ -214,16 +213,13 @@ class Mapper:
         try:
             runner, searched = self._searching(measurements, progress, vet)
             keys, known = choose_keys(runner, measurements.runs, self.voxel, self.settings.keys)
-            odd: tuple[OddScan, ...] = ()
-            if len(keys) == len(scans):
-                known = register_steps(runner, measurements.runs, known)
-                vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control}
-                odd = find_odd(runner, searched, measurements.runs.tolist(), known, self.voxel, vouched)
-                keys = [k for k in keys if k not in {each.scan for each in odd}]
             if len(keys) == len(scans):
                 decision = self._decided(runner, measurements, known)
             else:
-                decision = self._decided_by_keys(runner, measurements, keys, known, odd)
+                decision = self._decided_by_keys(runner, measurements, keys, known)
+            floor, bound = self.settings.loops.floor(self.voxel), self.settings.loops.bound
+            if odd := find_odd(runner, searched, measurements.runs, decision, floor, bound):
+                decision = decision.without_scans({each.scan for each in odd})
             members = set(max(decision.solution.graph.components, key=len))
             scaled = find_scaled(runner, searched, [pair for pair in decision.pairs if pair.kept and pair.i in members])
         finally:
@@ -231,7 +227,7 @@ class Mapper:
         runner.step_done("poses optimized")
         result = replace(self._fuse(scans, number, decision), ties=ties, control=decision.points(control))
         runner.step_done("map fused")
-        return replace(result, odd=odd, scaled=scaled, keys=None if len(keys) + len(odd) == len(scans) else tuple(keys))
+        return replace(result, odd=odd, scaled=scaled, keys=None if len(keys) == len(scans) else tuple(keys))
 
     def _searching(
         self,
@@ -256,17 +252,12 @@ class Mapper:
         measurements: Measurements,
         keys: Sequence[int],
         known: Sequence[RegisteredPair],
-        odd: Sequence[OddScan],
     ) -> Decision:
-        """The decision about the key scans without faulty ones, extended to all scans."""
-        number, outside = {k: n for n, k in enumerate(keys)}, {each.scan for each in odd}
-        of_keys = measurements.take(keys)
-        key_pairs = [pair.renumbered(number) for pair in known if outside.isdisjoint(pair.scans)]
-        decision = self._decided(runner.of(keys), of_keys, key_pairs)
-        if odd:  # the priors of faulty scans must not place them in the map
-            scans = [replace(scan, prior=None) if k in outside else scan for k, scan in enumerate(measurements.scans)]
-            measurements = replace(measurements, scans=tuple(scans))
-        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, runner, outside)
+        """The decision about the key scans, extended to all scans."""
+        number = {k: n for n, k in enumerate(keys)}
+        key_pairs = [pair.renumbered(number) for pair in known]
+        decision = self._decided(runner.of(keys), measurements.take(keys), key_pairs)
+        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, runner)
 
     def _decided(
         self,

@@ -59,7 +59,7 @@ class SurveyResult:
         voxel: edge of the survey's voxels [m].
         ties: a person's verdicts on pairs; their outcome is in `pairs`.
         control: control and check points with their coordinates in the map.
-        odd: faulty scans, which are mirrored or in another unit and were left out.
+        odd: faulty scans, which are mirrored or in another unit and are in no map.
         scaled: scans whose ranges are longer or shorter than those of the others; None for none.
         names: of the N scans.
     """

@@ -48,6 +48,17 @@ class Decision:
         """Ratio of actual to stated errors, of the kinds of measurement where it is clearly above 1."""
         return dict(self.fixes.understated) | ({"odometry": self.drifts} if self.drifts > 1 else {})
 
+    def without_scans(self, scans: Set[int]) -> "Decision":
+        """The decision with these scans in no map: without their edges and their priors."""
+        graph = self.solution.graph
+        edges = tuple(edge for edge in graph.edges if scans.isdisjoint((edge.i, edge.j)))
+        priors = tuple((k, prior) for k, prior in graph.priors if k not in scans)
+        pairs = (
+            pair if scans.isdisjoint(pair.scans) else replace(pair, edge=None, reason="refused: a scan is faulty")
+            for pair in self.pairs
+        )
+        return replace(self, solution=_settled(replace(graph, edges=edges, priors=priors)), pairs=tuple(pairs))
+
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
         """Where the poses place the control points, check points included."""
         graph, wrong = self.solution.graph, {id(each.point): each.sigmas for each in self.wrong_control}

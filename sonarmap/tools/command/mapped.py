@@ -122,7 +122,7 @@ def _stream(result: "SurveyResult") -> list[tuple[str, str]]:
     if result.keys is None:
         return []
     alone = len(result.interpolated)
-    between = len(result.trajectory) - len(result.keys) - len(result.odd)
+    between = len(result.trajectory) - len(result.keys)
     rest = f", {alone} placed by motion alone" if alone else ""
     return [
         ("stream", f"{counted(len(result.keys), 'key scan')}; {between - alone} between them registered to these{rest}")

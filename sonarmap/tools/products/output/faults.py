@@ -189,8 +189,9 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
     )
     gaps: dict[str, list[Pair]] = {"": [], ", bridged by navigation": [], _CHAINS: [], _BRIDGED: []}
     in_chains = {k for pair in result.pairs if pair.role == "sequential" and pair.kept for k in pair.scans}
+    faulty = {*unusable, *(each.scan for each in result.odd)}
     for pair in result.pairs:
-        explained = pair.is_defect or not unusable.keys().isdisjoint(pair.scans)
+        explained = pair.is_defect or not faulty.isdisjoint(pair.scans)
         if pair.role == "sequential" and not pair.kept and not explained:
             bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
             if joined[pair.i] == joined[pair.j]:

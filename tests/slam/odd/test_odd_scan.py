@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.constants import foot
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.mapper import Mapper
-from sonarmap.slam.odd.odd_scan import FOOT, Change
+from sonarmap.slam.odd.odd_scan import Change
 from sonarmap.slam.parts import unplaced
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.products.output.faults import faults
@@ -55,7 +55,7 @@ def mapped(scans: list[Scan], registrar: KnowingRegistrar | None = None, **argum
     ("change", "kind", "words"),
     [
         (Change("y"), "mirrored", "the sign of y changed"),
-        (Change(factor=1 / FOOT), "feet", "in feet"),
+        (Change(factor=1 / foot), "feet", "in feet"),
     ],
 )
 @pytest.mark.quick_cases(1)
@@ -71,19 +71,8 @@ def test_faulty_scan_is_named_and_left_out(scan: int, change: Change, kind: str,
     assert not [fault for fault in others if "gap" in fault or "in no map" in fault]
 
 
-@pytest.mark.slow
-def test_faulty_scan_does_not_change_the_map() -> None:
-    scans, left = with_odd({5: Change("y")}), [k for k in range(COUNT) if k != 5]
-    result, without = mapped(scans), mapped([SCANS[k] for k in left])
-    ours, theirs = result.trajectory.T_world_sensor[left], without.trajectory.T_world_sensor
-    np.testing.assert_allclose(ours.as_matrix(), theirs.as_matrix(), atol=1e-6)
-    assert result.gaps == ()
-    tried = [tuple(left[k] for k in pair.scans) for pair in without.pairs]
-    assert [pair.scans for pair in result.pairs] == tried
-
-
 def test_scan_that_fits_a_neighbor_is_not_faulty() -> None:
-    """As a mirrored scan of a symmetric place: what registrations fit is never left out."""
+    """As a mirrored scan of a symmetric place: what a registration holds is never left out."""
 
     class Partly(Seeing):
         def register(self, target: Any, source: Any) -> Registration:
@@ -99,13 +88,6 @@ def test_ordinary_survey_has_no_faulty_scan_and_tries_no_pair_twice() -> None:
     registrar = Seeing()
     assert mapped(SCANS, registrar).odd == ()
     assert len(set(registrar.pairs)) == len(registrar.pairs)
-
-
-@pytest.mark.slow
-def test_scan_of_an_accepted_tie_is_not_faulty() -> None:
-    result = mapped(with_odd({5: Change("y")}), ties=(Tie(5, 6, "accept"),))
-    assert result.odd == ()
-    assert len(result.components) == 1
 
 
 def test_change_also_changes_viewpoints() -> None:
@@ -129,5 +111,5 @@ def test_navigation_does_not_place_a_faulty_scan() -> None:
 
 @pytest.mark.slow
 def test_several_faulty_scans_are_named_also_side_by_side() -> None:
-    changes = {3: Change("y"), 4: Change("z"), 8: Change(factor=FOOT)}
+    changes = {3: Change("y"), 4: Change("z"), 8: Change(factor=foot)}
     assert [odd.scan for odd in mapped(with_odd(changes)).odd] == [3, 4, 8]
