@@ -2,7 +2,7 @@
 the key scans deviate from a steady motion."""
 
 from bisect import bisect_right
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,6 @@ def with_between(
     measurements: Measurements,
     floor: np.ndarray,
     runner: PairRunner,
-    odd: Collection[int] = (),
 ) -> Decision:
     """Extend a decision about key scans to all scans.
 
@@ -40,10 +39,9 @@ def with_between(
     Args:
         decision: about the key scans, numbered 0, 1, ...; `keys` are their indices among all scans, ascending.
         floor: (6,) standard deviations added in quadrature to those of a step [rad, m].
-        odd: faulty scans, which get no edge.
     """
     count, graph = len(measurements.scans), decision.solution.graph
-    between = _between(keys, decision, measurements, floor, odd)
+    between = _between(keys, decision, measurements, floor)
     refined = _refined(between, keys, decision, measurements, floor, runner)
     edges = [_slim(edge) for of_scan in refined.edges.values() for edge in of_scan]
     interpolated = tuple(refined.left)
@@ -51,7 +49,7 @@ def with_between(
     at_keys = {k: number for number, k in enumerate(keys)}
 
     def expanded(T_keys: RigidTransform) -> Trajectory:
-        poses = dict.fromkeys(odd, RigidTransform.identity()) | {k: T_keys[n] for k, n in at_keys.items()}
+        poses = {k: T_keys[n] for k, n in at_keys.items()}
         for each in between:
             poses[each.scan] = poses[each.step.i] * each.step.registration.T_target_source
         return Trajectory(measurements.stamps, RigidTransform.concatenate([poses[k] for k in range(count)]))
@@ -145,7 +143,6 @@ def _between(
     decision: Decision,
     measurements: Measurements,
     floor: np.ndarray,
-    odd: Collection[int],
 ) -> list[Between]:
     """The scans between key scans, each with its step from the key scan before it."""
     surveys, odometry = measurements.surveys, measurements.odometry and measurements.odometry.scaled(decision.drifts)
@@ -158,7 +155,7 @@ def _between(
     unsteady = Unsteadiness.of(T_poses, times[list(keys)], run)
     is_key, between = set(keys), list[Between]()
     for k in range(len(times)):
-        if k in is_key or k in odd:
+        if k in is_key:
             continue
         a = bisect_right(keys, k) - 1
         i, b = keys[a], a + 1
