@@ -1,10 +1,10 @@
-"""Groups of scans whose ranges are longer or shorter than those of the others, as by another speed of sound.
+"""Scans from some scan on whose ranges are longer or shorter than those before, as by another speed of sound.
 
 Registrations estimate only a part of the share by which a scan is too long, and this part differs between scenes. Their
-estimates show which scans differ; registrations with these scans changed by a known share calibrate the estimates.
+estimates show where the ranges change; registrations with scans changed by a known share calibrate the estimates.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,17 +12,14 @@ import numpy as np
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.odd.odd_scan import Change
 from sonarmap.slam.pair import Candidate, RegisteredPair
-from sonarmap.spectral.chi_squared import chi_squared_beyond
 from sonarmap.spectral.scan import Scan
 
 MIN_SCALE = 0.01  # share of the ranges
-MIN_OVERLAP = 0.3  # of a pair that shows a scale
-MIN_SIGMA = 4e-4  # scatter of the estimates of right scans [share of the ranges]
-FALSE_ALARMS = 1e-6  # probability that scatter alone makes a group of a survey suspicious
-MIN_SIGMAS = 5.0  # standard deviations by which the measured share differs from 0
-MIN_PAIRS, MAX_PAIRS = 3, 10  # between the group and the others
-TRIED = 0.03  # share by which a suspicious group is changed
-SYSTEMATIC = 0.1  # relative standard deviation of the measured share, as responses are not linear
+MIN_SIGMAS = 5.0  # standard deviations by which the estimates of both groups, and the measured share, differ from 0
+MIN_SCANS = 3  # of each group, in pairs between the groups
+MAX_PAIRS = 10  # that are registered again
+TRIED = 0.03  # share by which the later scans of these pairs are changed
+SYSTEMATIC = 0.25  # relative standard deviation of the measured share, as responses are not linear
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,70 +32,39 @@ class ScaledScans:
 
 
 def find_scaled(runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[RegisteredPair]) -> ScaledScans | None:
-    """The group of scans whose ranges differ from the others' by 1 % or more; None if there is none.
+    """The first or last scans, if their ranges differ from the others' by 1 % or more; None otherwise.
 
     Args:
         runner: of the scans.
         pairs: accepted ones of one component, consecutive ones first.
     """
-    shown = {pair.scans: share for pair in pairs if (share := _longer(pair)) is not None}
-    if len(shown) < MIN_PAIRS:
+    shown = [(*pair.scans, share) for pair in pairs if (share := _longer(pair)) is not None]
+    if not shown:
         return None
-    shares = _Shares(np.array(list(shown)), np.array(list(shown.values())))
-    group = shares.group(len(scans))
-    seen = np.unique(shares.scans)
-    if 2 * np.sum(group[seen]) > len(seen) or (2 * np.sum(group[seen]) == len(seen) and group[seen[0]]):
-        group = ~group
-    across = shares.across(group)
-    chosen = np.flatnonzero(across)[:MAX_PAIRS]
-    if not len(chosen):
+    ends, longer = np.array([scans_of[:2] for scans_of in shown]), np.array([share for *_, share in shown])
+    first = _first_changed(ends, longer)
+    across = np.flatnonzero((ends[:, 0] < first) & (ends[:, 1] >= first))[:MAX_PAIRS]
+    measured = _measured(runner, scans, ends[across], longer[across]) if first else None
+    if measured is None:
         return None
-    ends = np.where(across[chosen, None] > 0, shares.scans[chosen], shares.scans[chosen, ::-1])
-    measured = _measured(runner, scans, ends, across[chosen] * shares.longer[chosen])
-    return measured and ScaledScans(tuple(seen[group[seen]].tolist()), *measured)
+    before, after = (tuple(np.unique(ends[side]).tolist()) for side in (ends < first, ends >= first))
+    share, sigma = measured
+    return ScaledScans(after, share, sigma) if len(after) <= len(before) else ScaledScans(before, -share, sigma)
 
 
-@dataclass(frozen=True, slots=True)
-class _Shares:
-    """Shares by which the ranges of scans seem to differ, by P pairs."""
+def _first_changed(ends: np.ndarray, longer: np.ndarray) -> int:
+    """The first scan of the later group, if another scale of it explains the shares (P,) of pairs (P, 2) clearly
+    best; else 0."""
+    size = int(ends.max()) + 2
 
-    scans: np.ndarray  # (P, 2) target and source
-    longer: np.ndarray  # (P,) of the source relative to the target, a part of the true share
+    def across(values: np.ndarray) -> np.ndarray:
+        """Sums over the pairs across each scan: from a scan before it to it or a later one."""
+        return np.cumsum(np.bincount(ends[:, 0] + 1, values, size) - np.bincount(ends[:, 1] + 1, values, size))
 
-    def group(self, count: int) -> np.ndarray:
-        """(N,) bool, the group whose scale explains the shares best; empty if scatter may explain them.
-
-        In each step one scan, all scans up to it, or every second scan change sides, as long as that explains clearly
-        more. A run of scans in the middle takes two steps.
-        """
-        group, explained = np.zeros(count, bool), 0.0
-        while True:
-            changed = max((group ^ change for change in _changes(count)), key=lambda each: self._explained(each)[0])
-            squares, variance = self._explained(changed)
-            if squares - explained <= float(chi_squared_beyond(FALSE_ALARMS / count, 1)) * variance:
-                return group
-            group, explained = changed, squares
-
-    def across(self, group: np.ndarray) -> np.ndarray:
-        """(P,) 1 where the source alone is in the group, -1 where the target alone is, else 0."""
-        return group[self.scans] @ np.array([-1.0, 1.0])
-
-    def _explained(self, group: np.ndarray) -> tuple[float, float]:
-        """Squares of the shares that a scale of the group explains, and the variance of the others without outliers."""
-        across = self.across(group)
-        between = max(float(across @ across), 1.0)
-        rest = np.abs(self.longer - across * (across @ self.longer) / between)
-        sigma = max(1.48 * float(np.median(rest)), MIN_SIGMA)
-        variance = max(float(np.mean(np.minimum(rest, 3 * sigma) ** 2)), sigma**2)
-        return float((across @ self.longer) ** 2 / between) if between >= MIN_PAIRS else 0.0, variance
-
-
-def _changes(count: int) -> Iterator[np.ndarray]:
-    """(N,) bool each, the scans that change sides together."""
-    taken = np.arange(count)
-    yield taken % 2 == 1
-    for k in range(count):
-        yield from (taken == k, taken <= k)
+    explained = across(longer) ** 2 / np.maximum(across(np.ones(len(longer))), MIN_SCANS)
+    first = int(np.argmax(explained))
+    variance = (longer @ longer - explained[first]) / len(longer)
+    return first if explained[first] > MIN_SIGMAS**2 * variance else 0
 
 
 def _measured(
@@ -114,17 +80,17 @@ def _measured(
         before: (P,) estimates of the sources' shares.
     """
     tried = float(np.sign(before.sum())) * TRIED
-    targets, sources = (np.unique(own).tolist() for own in ends.T)
+    sources = np.unique(ends[:, 1]).tolist()
     beside = runner.beside([Change(factor=float(np.exp(-tried))).of(scans[k]) for k in sources], sources)
     changed = {k: len(scans) + n for n, k in enumerate(sources)}
     again = map(_longer, beside.register([Candidate(i, changed[k], "loop") for i, k in ends.tolist()]))
-    both = [(share, after) for share, after in zip(before.tolist(), again, strict=True) if after is not None]
-    share, after = np.array(both).reshape(-1, 2).T
-    if len(both) < MIN_PAIRS or (response := float(np.mean(share - after)) / tried) <= 0:
+    both = [(*pair, share, late) for pair, share, late in zip(ends, before, again, strict=True) if late is not None]
+    targets, sources, share, after = np.array(both).reshape(-1, 4).T
+    least = min(len(set(targets)), len(set(sources)))  # pairs of a scan share its errors
+    if least < MIN_SCANS or (response := float(np.mean(share - after)) / tried) <= 0:
         return None
     longer = float(np.mean(share)) / response
-    scatter = max(float(np.std(share - longer / tried * (share - after), ddof=1)), MIN_SIGMA)
-    sigma = scatter / response / min(len(targets), len(sources)) ** 0.5  # pairs of a scan share its errors
+    sigma = float(np.std(share - longer / tried * (share - after), ddof=1)) / response / least**0.5
     if abs(longer) < max(MIN_SCALE, MIN_SIGMAS * sigma):
         return None
     return longer, float(np.hypot(sigma, SYSTEMATIC * longer))
@@ -133,7 +99,7 @@ def _measured(
 def _longer(pair: RegisteredPair) -> float | None:
     """Share by which the source seems too long relative to the target; None if the pair does not show it."""
     registration = pair.registration
-    if registration is None or not registration.accepted or registration.overlap < MIN_OVERLAP:
+    if registration is None or not registration.accepted:
         return None
     stretch = dict(registration.evidence).get("stretch")
     return None if stretch is None else -stretch

@@ -24,7 +24,7 @@ COUNT, VOXEL = 14, 0.5
 TRUTH = ring_poses(COUNT, turns=0.4)
 SCANS = scans_of(TRUTH)
 NAMES = [scan.name for scan in SCANS]
-GROUPS = {"half": range(7, COUNT), "every second": range(1, COUNT, 2), "two": [3, 10]}
+GROUPS = {"last": range(7, COUNT), "first": range(5)}
 
 
 class Stretching(KnowingRegistrar):
@@ -63,7 +63,7 @@ def test_a_scaled_group_is_named_and_measured(group: str, scale: float) -> None:
     scaled = found(GROUPS[group], scale, Stretching(1))
     assert scaled is not None
     assert scaled.scans == tuple(GROUPS[group])
-    assert abs(scaled.longer - np.log(scale)) < 3 * scaled.sigma < 0.02
+    assert abs(scaled.longer - np.log(scale)) < 2 * scaled.sigma < 0.02
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -73,17 +73,17 @@ def test_scatter_gives_no_group(seed: int) -> None:
 
 def test_estimates_that_do_not_respond_to_scaling_give_no_group() -> None:
     """As where one half looks longer for another reason, which a known change of its ranges then shows."""
-    longer = dict.fromkeys(GROUPS["half"], 0.004)
+    longer = dict.fromkeys(GROUPS["last"], 0.004)
     for response in (0.0, 0.9):
         assert found([], 1.0, Stretching(1, response, longer)) is None
 
 
 def test_registrations_without_stretch_give_no_group() -> None:
-    assert found(GROUPS["half"], 1.03, KnowingRegistrar(TRUTH, 1e-6 * np.eye(6))) is None
+    assert found(GROUPS["last"], 1.03, KnowingRegistrar(TRUTH, 1e-6 * np.eye(6))) is None
 
 
 def test_scaled_group_is_the_first_fault_and_the_map_is_not_whole() -> None:
-    result = Mapper(Stretching(1), VOXEL).run(scaled_by(1.03, GROUPS["half"]))
+    result = Mapper(Stretching(1), VOXEL).run(scaled_by(1.03, GROUPS["last"]))
     words = contradictions(result)[0]
     assert words.startswith("ranges of scan7 to scan13 (7 scans of 14) are ")
     assert "% longer than those of the others" in words
