@@ -9,6 +9,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.measurements import Measurements
+from sonarmap.slam.decide.other_place import other_places
 from sonarmap.slam.decide.verdict import with_contradictions
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import Worker, prepared_limit
@@ -286,10 +287,11 @@ class Mapper:
                 break
             pairs += loops
             decision = self._decide(runner, untied, pairs)
-        if not (measurements.ties or measurements.control):
-            return decision
-        tied = self._decide(runner, measurements, search.tied(pairs))
-        return replace(tied, pairs=tuple(with_contradictions(tied.pairs, decision.solution)))
+        if measurements.ties or measurements.control:
+            tied = self._decide(runner, measurements, search.tied(pairs))
+            decision = replace(tied, pairs=tuple(with_contradictions(tied.pairs, decision.solution)))
+        graph, floor = decision.solution.graph, settings.floor(self.voxel)
+        return replace(decision, other_places=other_places(graph, decision.pairs, floor, settings.bound))
 
     def _decide(self, runner: PairRunner, measurements: Measurements, pairs: Sequence[RegisteredPair]) -> Decision:
         decision = decide(pairs, measurements, self.voxel, self.settings.loops)
@@ -328,6 +330,7 @@ class Mapper:
             understated=decision.understated,
             systematic=decision.fixes.systematic,
             interpolated=decision.interpolated,
+            other_places=decision.other_places,
             names=tuple(scan.name for scan in scans),
         )
 

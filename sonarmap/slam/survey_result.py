@@ -9,6 +9,7 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
 from sonarmap.kernels.counted import counted
+from sonarmap.slam.decide.other_place import OtherPlace
 from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.slam.decide.wrong_measurements import KINDS, NOTHING, WrongFix, agreement
 from sonarmap.slam.graph.control import MeasuredControl
@@ -42,6 +43,7 @@ class SurveyResult:
         surveys: the number of each scan's survey.
         keys: the key scans of a dense stream, ascending; None where every scan was registered.
         interpolated: scans between key scans that no registration holds, placed by the motion alone.
+        other_places: parts of the map that other pairs place elsewhere with about as much evidence.
         straightened: by how much [m] all but a few points of each scan were moved to correct the sensor's motion; None
             if no scan was.
         way: the motion by which they were corrected.
@@ -80,6 +82,7 @@ class SurveyResult:
     systematic: Systematic | None = None
     keys: tuple[int, ...] | None = None
     interpolated: tuple[int, ...] = ()
+    other_places: tuple[OtherPlace, ...] = ()
     straightened: tuple[float, ...] | None = None
     way: Way | None = None
     ties: tuple[Tie, ...] = ()

@@ -27,7 +27,7 @@ _COMPARED = 100
 # A direction with a larger sigma is unconstrained [added sigmas]. A hypothesis that is farther than this from the chain
 # was measured at another place: hulls and quays bend, and many such hypotheses would shorten the track.
 _UNCONSTRAINED = 20.0
-_MIN_LEAD = 2.0  # least weight by which a leading group exceeds the next one [natural logarithm of probability]
+MIN_LEAD = 2.0  # least weight by which a leading group exceeds the next one [natural logarithm of probability]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +108,10 @@ class Comparison:
         weight = np.array([possible.weight for possible in possible_edges])
         support: dict[int, Support] = {}
         for members in self.parts:
-            groups = self._groups(members, weight)
-            heaviest = [float(weight[group].sum()) for group in groups]
-            clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _MIN_LEAD
-            for rank, group in enumerate(groups):
-                free, expected = (weight[[k for k in group if possible_edges[k].expected is e]] for e in (False, True))
-                independent = float(free.sum() + expected.max(initial=0.0))
+            heaviest = [(independent_weight([possible_edges[k] for k in g]), g) for g in self._groups(members, weight)]
+            heaviest.sort(key=lambda each: (-each[0], each[1][0]))
+            clear = len(heaviest) == 1 or heaviest[0][0] >= heaviest[1][0] + MIN_LEAD
+            for rank, (independent, group) in enumerate(heaviest):
                 counted = [possible_edges[k] for k in group if possible_edges[k].counts]
                 pairs = len({possible.scans for possible in counted})
                 for k in group:
@@ -122,6 +120,15 @@ class Comparison:
                         pairs, independent, leads, sigmas, sigmas <= self.bound, bool(self.elsewhere[k])
                     )
         return [replace(possible, support=support[k]) for k, possible in enumerate(possible_edges)]
+
+    def contradicting(self, possible_edges: Sequence[PossibleEdge]) -> list[list[int]]:
+        """Indices of the groups within a component that contradict its chain."""
+        weight = np.array([possible.weight for possible in possible_edges])
+        groups: list[list[int]] = []
+        for members in self.parts:
+            outside = members[(self.sigmas[members] > self.bound) & ~self.elsewhere[members]]
+            groups += self._groups(outside, weight) if len(outside) else []
+        return groups
 
     def _groups(self, members: np.ndarray, weight: np.ndarray) -> list[list[int]]:
         """Groups without contradictions, the heaviest first, built greedily from the members with the most support.
@@ -134,7 +141,7 @@ class Comparison:
         _, place = connected_components(self.agree[remaining][:, remaining], directed=False)
         for connected in np.split(remaining[np.argsort(place, kind="stable")], np.cumsum(np.bincount(place))[:-1]):
             groups += self._grown(connected, weight, apart=True)
-        return sorted(groups, key=lambda group: (-weight[group].sum(), group[0]))
+        return groups
 
     def _grown(self, among: np.ndarray, weight: np.ndarray, apart: bool = False) -> list[list[int]]:
         """Groups of these, one after the other; `apart` splits groups whose members no agreement connects."""
@@ -161,6 +168,13 @@ class Comparison:
         for k in among[np.lexsort((among, -support))].tolist():
             inside[k] = not inside[others[first[k] : first[k + 1]]].any()
         return np.flatnonzero(inside).tolist()
+
+
+def independent_weight(group: Sequence[PossibleEdge]) -> float:
+    """Negative logarithm of the probability that all hypotheses of a group are wrong. Of those that were sought where
+    they are expected only the best counts, as one wrong expectation misleads all of them."""
+    sought = max((each.weight for each in group if each.expected), default=0.0)
+    return sought + sum(each.weight for each in group if not each.expected)
 
 
 def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray, bound: float) -> Comparison:

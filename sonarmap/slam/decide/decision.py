@@ -10,6 +10,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.consistency import Comparison, chain_parts, compare
 from sonarmap.slam.decide.measurements import Measurements
+from sonarmap.slam.decide.other_place import OtherPlace
 from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.verdict import with_verdicts
@@ -41,6 +42,7 @@ class Decision:
     fixes: JudgedFixes = field(default_factory=lambda: JudgedFixes({}))  # accepted measurements of instruments
     wrong_control: tuple[WrongControl, ...] = ()  # control points that were left out, as all others contradict them
     drifts: float = 1.0  # ratio of the actual to the stated drift of dead reckoning
+    other_places: tuple[OtherPlace, ...] = ()  # of parts that other pairs place elsewhere
     interpolated: tuple[int, ...] = ()  # scans of a stream without a usable registration
 
     @property

@@ -17,7 +17,7 @@ _MAX_PROBABILITY = 0.999  # of any hypothesis: one pair alone is never certain
 _MAX_SCANS_APART = 5  # of a hypothesis that may contradict the chain
 _MIN_WEIGHT = -log(2 / 3)  # of a refused hypothesis that agrees with the chain: wrong with a probability of 2/3
 _MIN_BRIDGE_WEIGHT = -log(0.2)  # of a single bridge that joins components
-_MIN_JOINT_WEIGHT = -log(0.05)  # of agreeing pairs that join components: all wrong with a probability of 0.05
+MIN_JOINT_WEIGHT = -log(0.05)  # of agreeing pairs that join components: all wrong with a probability of 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class PossibleEdge:
     @property
     def may_join(self) -> bool:
         """Whether it may join two components: at least two pairs agree, or it is an accepted bridge."""
-        confirmed = self.support.pairs >= 2 and self.support.weight >= _MIN_JOINT_WEIGHT
+        confirmed = self.support.pairs >= 2 and self.support.weight >= MIN_JOINT_WEIGHT
         bridge = self.accepted and self.near and self.weight >= _MIN_BRIDGE_WEIGHT
         return self.support.leading and (confirmed or bridge)
 

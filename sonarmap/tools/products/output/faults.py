@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from sonarmap.kernels.counted import counted
+from sonarmap.slam.decide.other_place import OtherPlace
 from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.slam.decide.weak_steps import unconfirmed_steps
 from sonarmap.slam.graph.edge import components
@@ -78,7 +79,19 @@ def contradictions(result: SurveyResult) -> list[str]:
             f"{refused} of {sure} accepted pairs are rejected, as they contradict navigation: check it for exchanged "
             "axes, another unit and wrong times, or map without it"
         )
+    words += [_elsewhere(place, result.names) for place in result.other_places[:1]]
     return words if result.scaled is None else [*words, _scaled(result.scaled, result.names)]
+
+
+def _elsewhere(place: OtherPlace, names: Sequence[str]) -> str:
+    """Sentence about a part of the map that may lie elsewhere."""
+    (one, other), (a, b) = place.joints[0], place.pairs[0]
+    return (
+        f"{_listed([names[k] for k in place.scans])} may lie elsewhere, as at places of similar shape: "
+        f"{counted(len(place.pairs), 'pair')}, as {names[a]} with {names[b]}, contradict the {len(place.joints)} that "
+        f"join them to the map, as {names[one]} with {names[other]}, with about as much evidence. Give the scans in the "
+        "order in which they were taken, or navigation, or reject the wrong pairs"
+    )
 
 
 def _scaled(group: ScaledScans, names: Sequence[str]) -> str:
