@@ -1,8 +1,8 @@
 """Parts of a map that other pairs place elsewhere with about as much evidence: places of similar shape, taken for one.
 
-Hypotheses that agree with each other, but not with the map, place one part of it elsewhere. If they are right, the pairs
-that join this part to the rest are wrong: at least those of the weakest cut between both sides, which a maximum flow finds
-(Ford and Fulkerson 1956, DOI 10.4153/CJM-1956-045-5) with the pairs' weights as capacities.
+Hypotheses that agree with each other, but not with the map, place one part of it elsewhere. If they are right, the
+pairs that join this part to the rest are wrong: at least those of the weakest cut between both sides, which a maximum
+flow finds (Ford and Fulkerson 1956, DOI 10.4153/CJM-1956-045-5) with the pairs' weights as capacities.
 """
 
 from collections.abc import Sequence

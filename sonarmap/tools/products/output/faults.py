@@ -89,8 +89,8 @@ def _elsewhere(place: OtherPlace, names: Sequence[str]) -> str:
     return (
         f"{_listed([names[k] for k in place.scans])} may lie elsewhere, as at places of similar shape: "
         f"{counted(len(place.pairs), 'pair')}, as {names[a]} with {names[b]}, contradict the {len(place.joints)} that "
-        f"join them to the map, as {names[one]} with {names[other]}, with about as much evidence. Give the scans in the "
-        "order in which they were taken, or navigation, or reject the wrong pairs"
+        f"join them to the map, as {names[one]} with {names[other]}, with about as much evidence. Give the scans in "
+        "the order in which they were taken, or navigation, or reject the wrong pairs by ties"
     )
 
 
