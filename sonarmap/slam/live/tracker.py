@@ -12,7 +12,7 @@ from sonarmap.slam.motion.limits import NO_LIMITS, MotionLimits
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.reconsider import is_doubtful, with_both, with_motion, without_unreachable
 from sonarmap.slam.pair import Candidate, RegisteredPair
-from sonarmap.slam.stream.keys import KeySettings, key_share
+from sonarmap.slam.stream.keys import AIM, KeySettings, key_share
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 
@@ -23,7 +23,6 @@ _WINDOW = 12  # key scans from which the motion is learned
 # A step that is unusual, or follows a scan that could not be placed, may be a jump to a place that looks the same.
 _UNUSUAL_SIGMAS = 1.8  # from the usual motion
 _JUMP_PROBABILITY = 0.97  # from which such a step is accepted
-_KEY_SHARE = 0.8  # of the largest motion between key scans, from which a scan becomes a key scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +115,7 @@ class Tracker:
         registration = pair.registration
         assert registration is not None
         self.missed, self._waiting = 0, None
-        if key_share(registration, self.voxel, self.settings) >= _KEY_SHARE:
+        if key_share(registration, self.voxel, self.settings) >= AIM:
             self._add_key(scan, pair)
             return Placed(pair.j, RigidTransform.identity(), np.zeros((6, 6)))
         self._before = scan, pair

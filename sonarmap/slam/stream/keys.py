@@ -12,14 +12,11 @@ from sonarmap.spectral.result import Registration
 
 _MIN_SCANS = 40  # of a stream; a shorter survey is registered scan by scan
 _PROBES = 7  # pairs of consecutive scans, evenly along a survey, that show whether it is a stream
-_MIN_ACCEPTED_PROBES = 2
-_DENSE_SHIFT = 2.0  # largest between consecutive scans of a stream [voxels]
-_DENSE_TURN = float(np.radians(4.0))  # largest between consecutive scans of a stream [rad]
 _KEY_SHIFT = 8.0  # largest between key scans [voxels]
 _KEY_TURN = float(np.radians(15.0))  # largest between key scans [rad]
 _KEY_OVERLAP = 0.7  # smallest between key scans
-_AIM = 0.8  # share of these distances that a stride aims at
-_MAX_STRIDE = 256  # [scans]; a stride at most doubles
+AIM = 0.8  # share of these distances that a stride aims at
+_MAX_STRIDE = 256  # [scans]
 _MAX_AHEAD = 4  # pairs registered at a time, if there are as many workers; pairs further ahead are rarely needed
 
 
@@ -44,9 +41,9 @@ def choose_keys(
     """The key scans, ascending (all scans of a survey that is not dense), and the registered pairs of consecutive ones.
 
     A scan some stride ahead is registered to the last key scan. Their shift, turn and overlap determine the next
-    stride; after a refused registration the stride is halved. It is kept if the registration is refused only for
-    an unconstrained direction, as along a wall, since half the stride would not constrain it either. `surveys` (N,)
-    holds each scan's survey number; `voxel` is in meters.
+    stride; after a refused registration, or one that leads too far, it is tried again with a shorter stride. It is kept
+    if the registration is refused only for an unconstrained direction, as along a wall, since a shorter stride would
+    not constrain it either. `surveys` (N,) holds each scan's survey number; `voxel` is in meters.
     """
     keys: list[int] = []
     pairs: list[RegisteredPair] = []
@@ -69,18 +66,16 @@ def _probes(runner: PairRunner, scans: Sequence[int]) -> list[RegisteredPair]:
 
 
 def _is_dense(probes: Sequence[RegisteredPair], voxel: float) -> bool:
-    """Whether most accepted probes are closer than consecutive scans of a stream; refused ones do not count."""
-    near = [
-        _motion(pair.registration, voxel) <= 1 for pair in probes if pair.accepted and pair.registration is not None
-    ]
-    return len(near) >= _MIN_ACCEPTED_PROBES and 2 * sum(near) > len(near)
+    """Whether two scans of three would be between key scans, by most accepted probes; refused ones do not count."""
+    accepted = [pair.registration for pair in probes if pair.accepted and pair.registration is not None]
+    near = [3 * _motion_share(registration, _KEY_SHIFT * voxel) <= AIM for registration in accepted]
+    return sum(near) > max(1, len(near) / 2)
 
 
-def _motion(registration: Registration, voxel: float) -> float:
-    """The motion as a share of the largest one between consecutive scans of a stream."""
+def _motion_share(registration: Registration, shift: float) -> float:
+    """The motion between two scans as a share of the largest one between key scans, a shift of `shift` [m]."""
     T = registration.T_target_source
-    shift, turn = float(np.linalg.norm(T.translation)), float(T.rotation.magnitude())
-    return max(shift / (_DENSE_SHIFT * voxel), turn / _DENSE_TURN)
+    return max(float(np.linalg.norm(T.translation)) / shift, float(T.rotation.magnitude()) / _KEY_TURN)
 
 
 def _gallop(
@@ -95,15 +90,18 @@ def _gallop(
             new = [pair for pair in ahead if pair.scans not in registered]
             registered |= {pair.scans: pair for pair in runner.register(new)}
         pair = registered[scans[at], scans[at + stride]]
-        if not pair.accepted and not pair.placed and stride > 1:
-            stride = max(1, stride // 2)
+        share = 2 * AIM  # of a refused registration, which halves the stride
+        if pair.accepted and pair.registration is not None:
+            share = key_share(pair.registration, voxel, settings)
+        following = max(1, int(stride * min(2.0, AIM / max(share, 1e-3))))
+        if stride > 1 and share > 1 and (pair.accepted or not pair.placed):
+            stride = following
             continue
         pairs.append(pair)
         at += stride
         keys.append(scans[at])
-        if pair.accepted and pair.registration is not None:
-            share = max(key_share(pair.registration, voxel, settings), 1e-3)
-            stride = usual = min(max(1, int(stride * min(2.0, _AIM / share))), _MAX_STRIDE)
+        if pair.accepted:
+            stride = usual = min(following, _MAX_STRIDE)
         else:
             stride = min(2 * stride, usual) if pair.placed else 1
     return keys, pairs
@@ -119,9 +117,8 @@ def _even_strides(scans: Sequence[int], at: int, stride: int, count: int) -> lis
 
 def key_share(registration: Registration, voxel: float, settings: KeySettings) -> float:
     """The motion between two scans as a share of the largest one between key scans; 1 or more is too far."""
-    T = registration.T_target_source
-    shift, turn = float(np.linalg.norm(T.translation)), float(T.rotation.magnitude())
-    lost = (1 - registration.overlap) / (1 - _KEY_OVERLAP)
-    if settings.step is not None:
-        return max(shift / settings.step, turn / _KEY_TURN if shift < settings.step / 10 else 0.0)
-    return max(shift / (_KEY_SHIFT * voxel), turn / _KEY_TURN, lost)
+    if settings.step is None:
+        lost = (1 - registration.overlap) / (1 - _KEY_OVERLAP)
+        return max(_motion_share(registration, _KEY_SHIFT * voxel), lost)
+    shift = float(np.linalg.norm(registration.T_target_source.translation)) / settings.step
+    return shift if shift >= 0.1 else _motion_share(registration, settings.step)
