@@ -258,7 +258,8 @@ class Mapper:
         number = {k: n for n, k in enumerate(keys)}
         key_pairs = [pair.renumbered(number) for pair in known]
         decision = self._decided(runner.of(keys), measurements.take(keys), key_pairs)
-        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, runner)
+        floor, bound = self.settings.loops.floor(self.voxel) / 4, self.settings.loops.bound
+        return with_between(decision, keys, measurements, floor, bound, runner)
 
     def _decided(
         self,

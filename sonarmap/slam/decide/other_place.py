@@ -30,6 +30,11 @@ class OtherPlace:
     pairs: tuple[tuple[int, int], ...]  # the scans of the pairs that place it elsewhere
     joints: tuple[tuple[int, int], ...]  # the scans of the pairs that place it where it is
 
+    def renumbered(self, number: Sequence[int]) -> "OtherPlace":
+        """The part with other numbers for its scans."""
+        pairs, joints = (tuple((number[i], number[j]) for i, j in each) for each in (self.pairs, self.joints))
+        return OtherPlace(tuple(number[k] for k in self.scans), pairs, joints)
+
 
 def other_places(graph: PoseGraph, pairs: Sequence[Pair], floor: np.ndarray, bound: float) -> tuple[OtherPlace, ...]:
     """The parts that a group of hypotheses places elsewhere, those with the most evidence first.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
@@ -20,6 +21,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.turn_rates import Turned, TurnRates
 
 _MIN_POSES = 3  # to learn more than a steady motion
+_RATIOS = np.geomspace(1e-4, 1e2, 25)  # of white noise to the density of accelerations [cubed spans]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,31 @@ class ContinuousTrajectory:
         without_turn = cls.through(Trajectory(stamps, T * R.inv()), propagated(R, covariances))
         smoother = without_turn.power[:3].sum() < plain.power[:3].sum()
         return replace(without_turn, turned=turned) if smoother else plain
+
+    @property
+    def shaken(self) -> np.ndarray:
+        """(6,) variance of white noise of the knots about a smooth motion [rad^2, m^2].
+
+        Changes of velocity at knots have the covariance power R + shaken Q'Q, with the matrices of Green and Silverman
+        1994, Sect. 2.1; the ratio of both variances is the most likely one.
+        """
+        stamps = self.knots.stamps
+        spans, best, shaken = np.diff(stamps), np.full(6, np.inf), np.zeros(6)
+        changes = np.diff(np.diff(self.spline(stamps), axis=0) / spans[:, None], axis=0)
+        if len(stamps) < _MIN_POSES:
+            return shaken
+        smooth, noise, per = np.zeros((3, len(changes))), np.zeros((3, len(changes))), 1 / spans
+        smooth[0], smooth[1, :-1] = (spans[:-1] + spans[1:]) / 3, spans[1:-1] / 6
+        noise[0] = per[:-1] ** 2 + (per[:-1] + per[1:]) ** 2 + per[1:] ** 2
+        noise[1, :-1] = -per[1:-1] * (per[:-2] + 2 * per[1:-1] + per[2:])
+        noise[2, :-2] = per[1:-2] * per[2:-1]
+        for ratio in np.append(0.0, _RATIOS * np.median(spans) ** 3):
+            factor = cholesky_banded(smooth + ratio * noise, lower=True)
+            power = np.maximum((changes * cho_solve_banded((factor, True), changes)).mean(axis=0), 1e-30)
+            unlikelihood = np.log(power) + 2 * np.log(factor[0]).mean()
+            shaken = np.where(unlikelihood < best, ratio * power, shaken)
+            best = np.minimum(unlikelihood, best)
+        return shaken
 
     def at(self, stamps: np.ndarray) -> tuple[Trajectory, np.ndarray]:
         """The poses at (m,) stamps [s], and their covariances, (m, 6, 6), as those of the knots.

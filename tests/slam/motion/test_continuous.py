@@ -52,6 +52,22 @@ def test_covariances_between_scans_are_calibrated(seed: int) -> None:
     assert (nees < 12.6).mean() > 0.88
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.1, 1.0])
+def test_white_noise_of_scans_is_told_from_a_smooth_motion(sigma: float) -> None:
+    """`sigma` is a share of the roots of the densities; scans between are as uncertain as they are."""
+    truth, rng = driven(400, 3), np.random.default_rng(4)
+    shake = sigma * np.sqrt(POWER)
+    T = truth.T_world_sensor * RigidTransform.from_exp_coords(shake * rng.standard_normal((len(truth), 6)))
+    known = range(0, len(truth), FINE)
+    continuous = exact(Trajectory(truth.stamps[known], T[known]))
+    assert (np.sqrt(continuous.shaken) < 1.3 * shake + 0.1 * np.sqrt(POWER)).all()
+    assert (np.sqrt(continuous.shaken) >= 0.7 * shake).all()
+    poses, covariances = continuous.at(truth.stamps)
+    between = [k for k in range(len(truth)) if k % FINE]
+    nees = squared(poses.T_world_sensor[between], (covariances + 2 * np.diag(continuous.shaken))[between], T[between])
+    assert 4 < nees.mean() < 8
+
+
 def test_steady_screw_is_interpolated_exactly() -> None:
     twist = np.array([0.02, -0.01, 0.1, 0.7, -0.2, 0.05])
     stamps = np.array([0.0, 1.0, 2.5, 3.0, 5.0])

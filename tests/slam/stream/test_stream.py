@@ -1,26 +1,29 @@
-"""Dense streams: few key scans, every scan registered to one, and the deviations from a steady motion."""
+"""Dense streams: few key scans, and every scan registered to one."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
+from typing import cast
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.execute.worker import Worker
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Candidate, RegisteredPair
-from sonarmap.slam.stream.between import Unsteadiness
 from sonarmap.slam.stream.keys import KeySettings, choose_keys
+from sonarmap.slam.stream.refine import Between, refine
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
+from tests.samples.surveys import KnowingRegistrar, random_covariance, registration, ring_poses, scans_of
 
 VOXEL, COUNT = 0.2, 160
 COVARIANCE = random_covariance(np.random.default_rng(0), 0.001, 0.01)
@@ -78,17 +81,17 @@ def off_its_neighbors(result: SurveyResult, k: int) -> float:
 
 @pytest.mark.slow
 def test_scans_without_a_usable_registration_are_interpolated() -> None:
-    """One scan is refused with both key scans, of another every registration is wrong."""
+    """One scan is refused with both key scans, another is registered to a place 1 m off by both."""
     refused, wrong = 40, 70
-    rng = np.random.default_rng(8)
+    off = RigidTransform.from_translation([0.6, -0.7, 0.4])
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
         given = reach(i, j, given)
         if refused in (i, j):
             return replace(given, accepted=False, probability=0.2)
         if wrong in (i, j):
-            T = RigidTransform.from_translation(rng.uniform(0.5, 1.0, 3)) * given.T_target_source
-            return replace(given, T_target_source=T)
+            T = given.T_target_source
+            return replace(given, T_target_source=T * off if j == wrong else off.inv() * T)
         return given
 
     result, registrar = mapped(spoil=spoil)
@@ -100,6 +103,45 @@ def test_scans_without_a_usable_registration_are_interpolated() -> None:
     # registered scans are more certain
     traces = np.trace(result.covariances[:, 3:, 3:], axis1=1, axis2=2)
     assert traces[refused] > traces[refused - 1]
+
+
+def test_a_jump_is_between_two_key_scans() -> None:
+    jump = COUNT // 2
+    T = RigidTransform.concatenate([STREAM[:jump], RigidTransform.from_translation([0.0, 0, 2.0]) * STREAM[jump:]])
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return replace(given, overlap=1 - distance(i, j) / 4)
+
+    runner = PairRunner(Execution(Worker(KnowingRegistrar(T, COVARIANCE, spoil), 2)), SCANS, 2, None)
+    keys, pairs = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
+    assert {jump - 1, jump} <= set(keys)
+    assert len(keys) < COUNT / 5
+    assert [pair.scans for pair in pairs] == list(pairwise(keys))
+
+
+def test_a_scan_may_leave_the_motion_as_the_scan_beside_it_does() -> None:
+    """Between key scans 0 and 6 the sensor jumps before scan 3; scan 1 alone is registered to a place 1 m off."""
+    jumps = dict(zip(range(1, 6), [1.0, 0.0, 2.0, 2.0, 2.0], strict=True))
+    floor, scans = np.full(6, 0.01), list[Between]()
+    for k in jumps:
+        # the expected pose of scan 3 alone is so uncertain that its registration agrees
+        expected = registration(RigidTransform.from_translation([k, 0, 0]), (1.0 if k == 3 else 1e-4) * np.eye(6))
+        scans.append(Between(k, Edge(0, k, expected, "odometry"), 6, RigidTransform.from_translation([6.0, 0, 0])))
+
+    class Runner:
+        def register(self, candidates: Sequence[Candidate]) -> list[RegisteredPair]:
+            places = {0: 0.0, 6: 0.0} | jumps
+            return [
+                c.registered(
+                    registration(
+                        RigidTransform.from_translation([c.j - c.i, places[c.j] - places[c.i], 0]), 1e-4 * np.eye(6)
+                    )
+                )
+                for c in candidates
+            ]
+
+    edges = refine(cast(PairRunner, Runner()), scans, floor, 4.74)
+    assert sorted(edges) == [2, 3, 4, 5]
 
 
 def test_idle_workers_register_ahead_and_the_key_scans_are_the_same() -> None:
@@ -156,49 +198,6 @@ def test_dead_reckoning_joins_scans_that_cannot_be_registered() -> None:
     assert largest_error(result) < 0.3
 
 
-SHAKE = np.array([0.03, 0.01, 0.02, 0.02, 0.05, 0.01])
-STRIDE = 10  # scans from one key scan to the next
-
-
-def swinging(count: int, turn: float, shake: np.ndarray, seed: int = 2) -> RigidTransform:
-    """Poses a decimeter apart along a swinging course that turns by at most `turn` per scan [rad]."""
-    rng = np.random.default_rng(seed)
-    heading = np.cumsum(turn * np.sin(2 * np.pi * np.arange(count) / 150))
-    places = np.cumsum(0.1 * np.column_stack([np.cos(heading), np.sin(heading), np.zeros(count)]), axis=0)
-    smooth = RigidTransform.from_components(places, Rotation.from_euler("z", heading[:, None]))
-    return smooth * RigidTransform.from_exp_coords(shake * rng.standard_normal((count, 6)))
-
-
-def between(T: RigidTransform, offset: int) -> np.ndarray:
-    """(N, 6) deviations of the scans `offset` after key scans from a steady motion to the next one."""
-    first, last = T[:-1:STRIDE], T[STRIDE::STRIDE]
-    steady = first * RigidTransform.from_exp_coords(offset / STRIDE * (first.inv() * last).as_exp_coords())
-    return (steady.inv() * T[offset::STRIDE]).as_exp_coords()
-
-
-@pytest.mark.parametrize("shake", [0.0 * SHAKE, SHAKE])
-@pytest.mark.parametrize("turn", [0.0, 0.02])
-def test_variances_learned_from_key_scans_hold_for_scans_between(turn: float, shake: np.ndarray) -> None:
-    """Over three hundred strides; the scans between are not used to learn."""
-    T = swinging(300 * STRIDE + 1, turn, shake)
-    keys = np.arange(0, len(T), STRIDE)
-    unsteadiness = Unsteadiness.of(T[keys], keys.astype(float), np.zeros(len(keys), int))
-    for offset in (1, 5, 8):
-        squares = (between(T, offset) ** 2).mean(axis=0)
-        # a 75th of the prior remains
-        prior = 0.0134 * np.repeat([0.1 * max(turn * STRIDE, 0.05), 0.1], 3) ** 2
-        variance = unsteadiness.variance(offset, STRIDE - offset)
-        assert (squares < 1.6 * variance + 1e-9).all()
-        assert (variance < 2.5 * squares + 6 * prior).all()
-
-
-def test_four_key_scans_leave_the_prior() -> None:
-    T = swinging(STRIDE * 4, 0.0, 0 * SHAKE)[::STRIDE]
-    unsteadiness = Unsteadiness.of(T, np.arange(4.0), np.zeros(4, int))
-    assert (unsteadiness.variance(0.5, 0.5)[3:] > 0).all()
-    np.testing.assert_array_equal(unsteadiness.shaken, 0)
-
-
 @pytest.mark.slow
 def test_registrations_or_dead_reckoning_follow_a_shaken_sensor() -> None:
     shake = 0.05 * np.sin(2.5 * np.arange(COUNT))
@@ -225,17 +224,6 @@ def test_registrations_or_dead_reckoning_follow_a_shaken_sensor() -> None:
     assert same == keys
     assert followed < 0.6 * steady
     assert error(odometry, keys_alone)[0] < 0.6 * steady
-
-
-def test_a_steady_acceleration_at_uneven_times_is_no_shaking() -> None:
-    """The speed along one axis changes steadily."""
-    times = np.array([0.0, 1.0, 3.0, 3.5, 6.0, 7.0, 9.0, 10.0, 12.0])
-    T = RigidTransform.from_components(
-        np.column_stack([0.5 * times, 0.01 * times**2, 0 * times]), Rotation.identity(len(times))
-    )
-    unsteadiness = Unsteadiness.of(T, times, np.zeros(len(times), int))
-    np.testing.assert_allclose(unsteadiness.shaken, 0, atol=1e-20)
-    assert unsteadiness.curved[4] > unsteadiness.curved[5]
 
 
 @pytest.mark.slow
@@ -291,14 +279,3 @@ def test_strides_stay_long_along_a_wall() -> None:
 
     assert max(strides(place=0.3)) == 1
     assert min(strides(place=0.95)) > 3
-
-
-def test_two_runs_are_not_compared() -> None:
-    """The same course twice, the second time far away and turned around."""
-    T, count = swinging(400, 0.02, SHAKE)[::STRIDE], 40
-    elsewhere = RigidTransform.from_components([50.0, -20.0, 5.0], Rotation.from_euler("z", 2.5))
-    both = RigidTransform.concatenate([T, elsewhere * T])
-    times = np.arange(float(count))
-    one = Unsteadiness.of(T, times, np.zeros(count, int))
-    two = Unsteadiness.of(both, np.concatenate([times, times]), np.repeat([0, 1], count))
-    np.testing.assert_allclose(two.shaken, one.shaken * (72 / 76) / (36 / 40), rtol=1e-6, atol=1e-12)
