@@ -7,7 +7,6 @@ The error's numbers are unknowns beside the poses. With the poses eliminated (Sc
 any of them and the fall of chi-squared need no further optimization.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,14 +103,6 @@ class SharedError:
         step = np.zeros(len(_USUAL))
         step[list(free)] = -np.linalg.solve(self.information[np.ix_(free, free)], self.gradient[list(free)])
         return float(-self.gradient @ step), step
-
-    def rise_without(self, kind: tuple[int, ...], kinds: Sequence[tuple[int, ...]], error: Systematic) -> float:
-        """The rise of chi-squared without the numbers of one kind, with the other `kinds` optimized."""
-        free = [number for each in kinds for number in each]
-        covariance = np.linalg.inv(self.information[np.ix_(free, free)])
-        own = [free.index(number) for number in kind]
-        x = error.numbers[list(kind)]
-        return float(x @ np.linalg.solve(covariance[np.ix_(own, own)], x))
 
 
 def _shifts(at: Trajectory, poses: np.ndarray) -> np.ndarray:

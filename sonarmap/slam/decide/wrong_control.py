@@ -9,7 +9,7 @@ from sonarmap.slam.decide.wrong_measurements import TAILS, reweighted, sigmas_if
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 
-_MAX_WRONG_SHARE = 0.3  # of the points; if more seem wrong, the other measurements are
+_MAX_WRONG = 0.3  # share of the points; if more seem wrong, the other measurements are
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], t
     # far points begin with a low weight: with full weight they would bend the chain permanently
     solution, weights = reweighted(graph, weights_at(graph), weighed, weights_at)
     wrong = _wrong_control(solution, graph.control, weights)
-    if len(wrong) > _MAX_WRONG_SHARE * len(graph.control):
+    if len(wrong) > _MAX_WRONG * len(graph.control):
         return graph.control, ()
     left_out = {id(each.point) for each in wrong}
     return tuple(point for point in graph.control if id(point) not in left_out), wrong

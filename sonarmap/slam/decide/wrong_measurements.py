@@ -26,18 +26,15 @@ _MEDIANS = chi_squared(0.5, _SIZES)  # of chi-squared, by kind
 TAILS = 2.0  # degrees of freedom of Student's t
 _MAX_ROUNDS = 12  # of reweighting
 _MIN_CHANGE = 1e-2  # of a weight in a round; a smaller one is the last
-_WRONG = 1e-5  # probability that a right measurement is as far off as a wrong one
-_MAX_WRONG = 0.4  # share of a kind's fixes; if more seem wrong, the registrations are
+_FAR = 1e-5  # probability that a right measurement is as far off as a wrong one
+_MAX_WRONG = 0.4  # share of the fixes of a kind; if more seem wrong, the registrations are
 _MIN_FIXES = 8  # of a kind, to compare actual with stated errors
 _UNDERESTIMATED = 2.0  # ratio of actual to stated errors from which sigmas are scaled
 NOTHING = 10.0  # ratio from which a kind is ignored: axes are exchanged, or times are off
 _MIN_FALL = 5.0  # of chi-squared by the first step of a kind of systematic error that is tried
-_MIN_GAIN = 15.0  # by which a systematic error lowers the cost
-_CLEAR_GAIN = 15.0  # by which another error with other poses has to be worse
+_DECISIVE = 15.0  # by which a systematic error lowers the cost, and another error with other poses is worse
 _OTHER_POSES = 3.0  # mean distance of positions from which two errors lead to other poses [sigmas]
 _EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]  # kinds that a systematic error changes
-_MAX_FAR_SHARE = 0.2  # of their fixes that are still far off
-_FAR = 1e-4  # probability that a right measurement is as far off
 _MAX_STEPS = 8  # of Gauss-Newton
 _MIN_STEP = 0.02  # as a share of the error; a smaller one is the last
 _MAX_TILT_SIGMA = float(np.deg2rad(3.0))  # with which a systematic error can be estimated [rad]
@@ -134,7 +131,7 @@ class _Explanation:
 
     def with_alternative(self, others: Sequence["_Explanation"]) -> "_Explanation":
         """With one of the others as alternative, if it fits about as well and has other poses."""
-        close = (other for other in others if other.fits and other.cost < self.cost + _CLEAR_GAIN)
+        close = (other for other in others if other.fits and other.cost < self.cost + _DECISIVE)
         unclear = next((other.error for other in close if self.fixes.apart(self.at, other.at) > _OTHER_POSES), None)
         return replace(self, error=replace(self.error, alternative=unclear))
 
@@ -157,28 +154,15 @@ def _explained(graph: PoseGraph, plain: _Explanation) -> _Explanation:
             fall, step = max((look.step(numbers) for look in starts), key=lambda look: look[0])
             if fall >= _MIN_FALL:
                 more = _explanation(graph, plain, best, step, numbers)
-                if best.cost - more.cost >= _MIN_GAIN:
+                if best.cost - more.cost >= _DECISIVE:
                     tried.append((more, numbers))
         if not tried:
-            return _without_needless(graph, plain, found)
+            return found
         tried.sort(key=lambda each: (not each[0].fits, each[0].cost))
         best, free = tried[0]
         starts = [best.linearized]
         if best.fits:
             found = best.with_alternative([each for each, _ in tried[1:]])
-
-
-def _without_needless(graph: PoseGraph, plain: _Explanation, found: _Explanation) -> _Explanation:
-    """The explanation without kinds of error that later ones made unnecessary."""
-    kinds = [kind for kind in KINDS_OF_ERROR if found.error.numbers[list(kind)].any()]
-    needed = [kind for kind in kinds if found.linearized.rise_without(kind, kinds, found.error) >= _MIN_GAIN]
-    if not needed or len(needed) == len(kinds):
-        return found
-    free = tuple(number for kind in needed for number in kind)
-    numbers = np.where(np.isin(np.arange(len(found.error.numbers)), free), found.error.numbers, 0.0)
-    start = replace(found, error=Systematic(*numbers.tolist()))
-    without = _explanation(graph, plain, start, np.zeros(len(numbers)), free)
-    return without if without.fits else found
 
 
 def _explanation(
@@ -246,7 +230,7 @@ def reweighted(
 def sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:
     """Mahalanobis distance of a measurement from the estimate; None if a right one can be as far off."""
     squared = float(apart @ np.linalg.solve(covariance, apart))
-    return float(np.sqrt(squared)) if squared > chi_squared_beyond(_WRONG, len(apart)) else None
+    return float(np.sqrt(squared)) if squared > chi_squared_beyond(_FAR, len(apart)) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,7 +332,7 @@ class _Fixes:
     def fit(self, T_world_sensor: RigidTransform, kinds: Sequence[int]) -> bool:
         """Whether fixes of these kinds have about the stated errors, and few are far off."""
         far = (self._squared(T_world_sensor) > chi_squared_beyond(_FAR, _SIZES)) & self.known
-        few = far.sum(axis=0) <= _MAX_FAR_SHARE * self.known.sum(axis=0)
+        few = far.sum(axis=0) <= _MAX_WRONG * self.known.sum(axis=0)
         return bool(((self.understated(T_world_sensor) == 1) & few)[list(kinds)].all())
 
     def _squared(self, T_world_sensor: RigidTransform) -> np.ndarray:
