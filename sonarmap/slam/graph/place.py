@@ -5,7 +5,7 @@ DOI 10.1109/34.88573, without the scale) over inliers. These are the points near
 median distance to all points.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from math import comb
 
@@ -32,8 +32,6 @@ _LOSS_SCALE = 2.0  # of the Cauchy loss [sigmas]
 _LINE = 0.02  # second extent over the first, below which points lie on a line
 _MAX_SUBSETS = 300  # minimal subsets that are tried
 _INLIER = 3.0  # distance up to which a point is an inlier [median distances]
-
-_Fit = Callable[[np.ndarray, np.ndarray], RigidTransform]
 
 
 def place_in_world(
@@ -199,10 +197,9 @@ def robust_fit(here: np.ndarray, there: np.ndarray, upright: bool = False) -> Ri
         here, there: the same points in two frames [m], n at least 1.
         upright: whether both frames have the same vertical.
     """
-    fit: _Fit = _fit_upright if upright else _fit
     size = 2 if upright else 3
     if len(here) <= size:
-        return fit(here, there)
+        return _fit(here, there, upright)
     if comb(len(here), size) > _MAX_SUBSETS:
         rng = np.random.default_rng(0)
         subsets = [rng.choice(len(here), size, replace=False) for _ in range(_MAX_SUBSETS)]
@@ -210,35 +207,23 @@ def robust_fit(here: np.ndarray, there: np.ndarray, upright: bool = False) -> Ri
         subsets = combinations(range(len(here)), size)
     inliers, smallest = np.arange(len(here)), np.inf
     for subset in subsets:
-        T = fit(here[list(subset)], there[list(subset)])
+        T = _fit(here[list(subset)], there[list(subset)], upright)
         distances = np.linalg.norm(T.apply(here) - there, axis=1)
         if (median := float(np.median(distances))) < smallest:
             inliers, smallest = np.flatnonzero(distances <= _INLIER * max(median, 1e-9)), median
-    return fit(here[inliers], there[inliers])
+    return _fit(here[inliers], there[inliers], upright)
 
 
-def _fit(here: np.ndarray, there: np.ndarray) -> RigidTransform:
+def _fit(here: np.ndarray, there: np.ndarray, upright: bool) -> RigidTransform:
     a, b = here - here.mean(axis=0), there - there.mean(axis=0)
     extents, axes = np.linalg.svd(a, full_matrices=False)[1:]
-    if len(a) < 2 or extents[0] < 1e-9:
-        R_b_a = Rotation.identity()
-    elif len(a) == 2 or extents[1] < _LINE * extents[0]:
-        along = a @ axes[0]
-        toward = along @ b
-        length = np.linalg.norm(toward)
-        R_b_a = Rotation.align_vectors(toward[None], axes[:1])[0] if length > 1e-9 else Rotation.identity()
+    if upright:
+        up, weights = [0.0, 0.0, 1.0], [np.inf, *np.ones(len(a))]
+        R_b_a = Rotation.align_vectors([up, *b], [up, *a], weights)[0]
+    elif len(a) > 2 and extents[1] >= _LINE * extents[0] > 0:
+        R_b_a = Rotation.align_vectors(b, a)[0]
+    elif np.linalg.norm(toward := a @ axes[0] @ b) > 1e-9:
+        R_b_a = Rotation.align_vectors(toward[None], axes[:1])[0]
     else:
-        u, _, vt = np.linalg.svd(b.T @ a)
-        R_b_a = Rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
-    return _moved(R_b_a, here, there)
-
-
-def _fit_upright(here: np.ndarray, there: np.ndarray) -> RigidTransform:
-    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
-    sine = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
-    cosine = (a[:, :2] * b[:, :2]).sum()
-    return _moved(Rotation.from_euler("Z", float(np.arctan2(sine, cosine))), here, there)
-
-
-def _moved(R: Rotation, here: np.ndarray, there: np.ndarray) -> RigidTransform:
-    return RigidTransform.from_components((there - R.apply(here)).mean(axis=0), R)
+        R_b_a = Rotation.identity()
+    return RigidTransform.from_components((there - R_b_a.apply(here)).mean(axis=0), R_b_a)
