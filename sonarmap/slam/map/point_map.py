@@ -10,21 +10,16 @@ without reduction. If the poses were independent, sigma would be up to sqrt(seen
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.cell import BITS, cell_keys
+from sonarmap.slam.map.cell import cell_keys
 from sonarmap.slam.map.placed import PlacedScans, pose_variance
 
-MERGE_ROWS = 50_000  # smallest number of waiting rows of a tile that are merged, so that merging stays cheap
-# The bits of a cell's key that give its tile, of 128 cells along each axis.
-_TILE = ~sum(0x7F << (BITS * axis) for axis in range(3))
-# A map's columns that follow from its cells alone.
-_COLUMNS = ("points", "sigma", "strength", "scan", "seen", "count")
+MERGE_ROWS = 300_000  # smallest number of scans' cells that are merged into the map's, so that merging stays cheap
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,32 +75,33 @@ class PointMap:
 def fuse(placed: PlacedScans) -> PointMap:
     """Bring every scan's points into the world and keep one per voxel.
 
-    The same input gives the same bytes. Scans are thinned one by one before they are merged, tile by tile, so that
-    memory grows with the map, not with the number of points. Points more than a million voxels from the middle of
-    the first scan are left out and counted.
+    The same input gives the same bytes. Scans are thinned one by one, and merged as soon as they have as many cells as
+    the map, so that memory grows with the map, not with the number of points. Points more than a million voxels from
+    the middle of the first scan are left out and counted.
     """
     voxel = placed.voxel
-    origin, fused = placed.origin, _FusedCells()
+    origin, merged = placed.origin, list[_Cells]()
     for k in range(len(placed.scans)):
-        fused.add(_thinned(placed, k, origin))
-    columns = fused.columns()
-    if not columns:
+        merged.append(_thinned(placed, k, origin))
+        if sum(len(cells.key) for cells in merged[1:]) > max(MERGE_ROWS, len(merged[0].key)):
+            merged = [_merge(merged)]
+    cells = _merge(merged)
+    if not len(cells.key):
         raise InputError(f"the map's voxel is {voxel} m, too small for points this far apart; give a larger one")
-    order = np.argsort(columns.pop("key"))
-    points, sigma, strength, scan, seen, count = (columns.pop(name)[order] for name in _COLUMNS)
-    points += origin
+    with np.errstate(invalid="ignore"):  # 0 / 0: a cell without any echo strength
+        strength = (cells.echo / cells.echoes).astype(np.float32)
     survey_of = dict(zip(placed.indices, placed.surveys, strict=True))
-    indices, inverse = np.unique(scan, return_inverse=True)
+    indices, inverse = np.unique(cells.scan, return_inverse=True)
     return PointMap(
-        points=points,
-        sigma=sigma,
+        points=cells.total / cells.weight[:, None] + origin,
+        sigma=(np.sqrt(cells.scatter + cells.drift**2) / cells.weight).astype(np.float32),
         strength=strength if np.isfinite(strength).any() else None,
-        scan=scan,
-        seen=seen,
-        count=count,
+        scan=cells.scan,
+        seen=cells.seen,
+        count=cells.count,
         survey=np.array([survey_of[index] for index in indices.tolist()], np.int32)[inverse],
         voxel=voxel,
-        left_out=sum(len(each.points) for each in placed.scans) - int(count.sum()),
+        left_out=sum(len(each.points) for each in placed.scans) - int(cells.count.sum()),
     )
 
 
@@ -125,55 +121,6 @@ class _Cells:
     most: np.ndarray  # (K,) int32, the largest number of points from one scan, and `scan`: (K,) int32, which one
     scan: np.ndarray
     seen: np.ndarray  # (K,) int32, number of scans
-
-    def take(self, chosen: np.ndarray) -> _Cells:
-        return _Cells(**{field.name: getattr(self, field.name)[chosen] for field in fields(_Cells)})
-
-    def columns(self) -> dict[str, np.ndarray]:
-        """A map's columns and the cells' keys; points from the lattice's origin, strength NaN where there is none."""
-        with np.errstate(invalid="ignore"):  # 0 / 0: a cell without any echo strength
-            strength = (self.echo / self.echoes).astype(np.float32)
-        sigma = (np.sqrt(self.scatter + self.drift**2) / self.weight).astype(np.float32)
-        values = (self.total / self.weight[:, None], sigma, strength, self.scan, self.seen, self.count)
-        return {"key": self.key} | dict(zip(_COLUMNS, values, strict=True))
-
-
-class _FusedCells:
-    """Cells of all added scans by tiles, which are small enough to be merged in little memory."""
-
-    def __init__(self) -> None:
-        self._merged: dict[int, _Cells] = {}
-        self._waiting: dict[int, list[_Cells]] = defaultdict(list)
-        self._rows: dict[int, int] = defaultdict(int)
-
-    def add(self, cells: _Cells) -> None:
-        if not len(cells.key):
-            return
-        tile = cells.key & _TILE
-        order = np.argsort(tile, kind="stable")
-        numbers, first = np.unique(tile[order], return_index=True)
-        for number, chosen in zip(numbers.tolist(), np.split(order, first[1:]), strict=True):
-            self._waiting[number].append(cells.take(chosen))
-            self._rows[number] += len(chosen)
-            merged = self._merged.get(number)
-            if self._rows[number] > max(MERGE_ROWS, len(merged.key) if merged else 0):
-                self._merge(number)
-
-    def columns(self) -> dict[str, np.ndarray]:
-        """The columns of a map and the cells' keys, unordered; empties this object."""
-        parts: dict[str, list[np.ndarray]] = defaultdict(list)
-        for number in sorted(self._waiting):
-            self._merge(number)
-            for name, column in self._merged.pop(number).columns().items():
-                parts[name].append(column)
-        return {name: np.concatenate(parts.pop(name)) for name in list(parts)}
-
-    def _merge(self, number: int) -> None:
-        merged = self._merged.get(number)
-        waiting = self._waiting[number]
-        if waiting:
-            self._merged[number] = _merge([merged, *waiting] if merged else waiting)
-        self._waiting[number], self._rows[number] = [], 0
 
 
 def _thinned(placed: PlacedScans, k: int, origin: np.ndarray) -> _Cells:
@@ -204,11 +151,15 @@ def _thinned(placed: PlacedScans, k: int, origin: np.ndarray) -> _Cells:
 
 
 def _merge(tables: list[_Cells]) -> _Cells:
-    """Merge the rows of each cell into one."""
-    rows = {field.name: np.concatenate([getattr(t, field.name) for t in tables]) for field in fields(_Cells)}
-    order = np.lexsort((rows["scan"], -rows["most"], rows["key"]))
-    rows = {name: column[order] for name, column in rows.items()}
-    starts = np.flatnonzero(np.diff(rows["key"], prepend=-1))
-    first = {name: rows[name][starts] for name in ("key", "most", "scan")}
-    sums = {name: np.add.reduceat(column, starts, axis=0) for name, column in rows.items() if name not in first}
-    return _Cells(**first, **sums)
+    """Merge the rows of each cell into one, ordered by cell."""
+
+    def column(name: str) -> np.ndarray:
+        return np.concatenate([getattr(table, name) for table in tables])
+
+    order = np.lexsort((column("scan"), -column("most"), column("key")))
+    starts = np.flatnonzero(np.diff(column("key")[order], prepend=-1))
+    if not len(starts):
+        return tables[0]
+    firsts = {name: column(name)[order[starts]] for name in ("key", "most", "scan")}
+    others = [field.name for field in fields(_Cells) if field.name not in firsts]
+    return _Cells(**firsts, **{name: np.add.reduceat(column(name)[order], starts, axis=0) for name in others})
