@@ -312,10 +312,8 @@ class Mapper:
                 members,
                 covariances[members],
                 survey[members].tolist(),
-                self.execution.executor,
             )
-            chained, executor = decision.chained.take(members), self.execution.executor
-            parts.append(component_maps(placed, chained, self.settings.min_seen, executor))
+            parts.append(component_maps(placed, decision.chained.take(members), self.settings.min_seen))
         return SurveyResult(
             trajectory=trajectory,
             chained=decision.chained,

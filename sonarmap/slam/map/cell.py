@@ -10,7 +10,6 @@ from sonarmap.spectral.scan import Scan
 
 BITS = 21  # of a key per axis: an int64 holds three axes of two million cells each
 _HALF = 1 << (BITS - 1)
-_TOGETHER = 500  # scans that are compared with all others at a time, which bounds the memory
 
 
 def lattice_origin(points: np.ndarray, size: float) -> np.ndarray:
@@ -78,15 +77,9 @@ def overlapping(
     names, column = np.unique(np.concatenate(occupied), return_inverse=True)
     row = np.repeat(np.arange(len(outlines)), counts)
     incidence = sparse.csr_array((np.ones(len(row)), (row, column)), shape=(len(outlines), len(names)))
-    columns = incidence.T.tocsr()
-    pairs, shares = [np.empty((0, 2), np.int64)], [np.empty(0)]
-    for start in range(0, len(outlines), _TOGETHER):
-        common = sparse.coo_array(incidence[start : start + _TOGETHER] @ columns)
-        i, j = common.row + start, common.col
-        share = common.data / np.maximum(np.maximum(counts[i], counts[j]), 1)
-        chosen = (i < j) & (share >= least)
-        pairs.append(np.column_stack([i[chosen], j[chosen]]).astype(np.int64))
-        shares.append(share[chosen])
-    both, share = np.concatenate(pairs), np.concatenate(shares)
+    common = sparse.coo_array(incidence @ incidence.T)
+    share = common.data / np.maximum(np.maximum(counts[common.row], counts[common.col]), 1)
+    chosen = (common.row < common.col) & (share >= least)
+    both, share = np.column_stack([common.row, common.col])[chosen].astype(np.int64), share[chosen]
     order = np.lexsort((both[:, 1], both[:, 0]))
     return both[order], share[order]

@@ -14,8 +14,7 @@ from sonarmap.slam.map.placed import PlacedScans
 
 APART = 10  # smallest difference of the indices of two scans in different passes
 PER_SCAN = 2  # largest number of crossings of a scan
-MOST = 1000  # largest number of crossings; of more, an even selection
-SCANS = 2000  # largest number of scans among which crossings are sought; of more, an even selection
+SCANS = 1000  # largest number of scans among which crossings are sought; of more, an even selection
 _CELL = 4.0  # edge of the cells in which overlap is counted [voxels]
 _MIN_OVERLAP = 0.3  # share of cells in common
 _SAMPLE = 1000  # points of a scan that are compared, about
@@ -79,7 +78,7 @@ def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError
     """Distances between overlapping passes, under the poses before and after their optimization.
 
     Two scans cross if they overlap at the poses after and lie `APART` scans apart or in different surveys. A scan takes
-    part in at most `PER_SCAN` crossings, those of largest overlap; at most `MOST` crossings of `SCANS` scans count.
+    part in at most `PER_SCAN` crossings, those of largest overlap; of more than `SCANS` scans an even selection counts.
     Both scans are thinned to one mean per voxel, which averages some noise away. For each point that both saw at the
     poses after, the distance is that to the plane through the nearest points of the other scan, before and after. It
     contains the noise of the ranges and is not 0 at the true poses.
@@ -121,7 +120,7 @@ def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
         if apart[k] and max(taken[pair[0]], taken[pair[1]]) < PER_SCAN:
             taken.update(pair)
             kept.append(pair)
-    return sorted(kept)[:: -(-len(kept) // MOST) or 1]
+    return sorted(kept)
 
 
 def _spread(surface: np.ndarray, tree: KDTree, points: np.ndarray) -> Spread:

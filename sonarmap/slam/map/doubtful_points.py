@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import KDTree
 
-from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.crossing import CrossingError, crossing_error
 from sonarmap.slam.map.free_space import Votes, uncontradicted, votes
@@ -51,19 +50,16 @@ class ComponentMaps:
     crossings: CrossingError  # distances between overlapping passes, before and after the optimization
 
 
-def component_maps(
-    placed: PlacedScans, chained: Trajectory, min_seen: int = MIN_SEEN, executor: Executor | None = None
-) -> ComponentMaps:
+def component_maps(placed: PlacedScans, chained: Trajectory, min_seen: int = MIN_SEEN) -> ComponentMaps:
     """Fuse one component.
 
     Args:
         placed: n scans at their optimized poses, their indices ascending.
         chained: their n poses before the loops, in the same frame.
         min_seen: scans that have to see a point where others looked; 1 leaves nothing out.
-        executor: compares scans with the map's points; None for this process.
     """
-    layers = {number: clean_map(scans, min_seen, executor) for number, scans in placed.by_survey.items()}
-    whole = clean_map(placed, min_seen, executor)
+    layers = {number: clean_map(scans, min_seen) for number, scans in placed.by_survey.items()}
+    whole = clean_map(placed, min_seen)
     return ComponentMaps(
         optimized=whole.clean,
         doubtful=whole.doubtful if min_seen > 1 else None,
@@ -72,10 +68,10 @@ def component_maps(
     )
 
 
-def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN, executor: Executor | None = None) -> CleanMap:
+def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN) -> CleanMap:
     """Fuse scans, remove points that free space contradicts, and separate doubtful ones."""
     fused = fuse(placed)
-    vote = votes(fused, placed, executor)
+    vote = votes(fused, placed)
     kept = uncontradicted(fused, vote)
     cleared = replace(fused.take(kept), removed=int(np.count_nonzero(~kept)))
     return part_doubtful(cleared, vote.take(kept), min_seen)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
 
 from sonarmap.kernels.points.visibility import octahedral_cells
-from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.map.placed import Beams, PlacedScans, pose_variance
 from sonarmap.slam.map.point_map import PointMap
-from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.scan import Scan
 
 # A point contradicts a view if it lies nearer than everything about its direction by more than the sum of these.
@@ -26,9 +25,6 @@ _LEVELS = 3  # of each view, every next one half as fine, for points whose direc
 _FILLED = 5  # least number of the nine cells about a direction that hold an echo where a view is not empty
 _CLOSED = 9  # least number of these cells where a view has no hole
 _ROUNDING = 1 + 1e-6  # factor by which the farthest point of a scan is within its reach
-# Largest angle from a direction to an echo in the nine cells about it, times the edge of the view [rad]: two cells, of
-# width 2 / edge, along each side; times sqrt(6) for a step on the octahedron and sqrt(3) for the angle at its center.
-_ASIDE = 2 * 2 * np.sqrt(6) * np.sqrt(3)
 _CROWD = 3  # in a cell with at least this number of echoes, the nearest is ignored, as it may be false
 
 
@@ -38,17 +34,6 @@ class Votes:
     contradict: np.ndarray  # (M,) int32, scans whose beams passed the point and hit something farther off
     looked: np.ndarray  # (M,) int32, scans with dense beams in the point's direction, whatever they hit
     behind: np.ndarray  # (M,) bool, whether the point's scan (`PointMap.scan`) saw something nearer all around it
-
-    @classmethod
-    def none(cls, count: int) -> Votes:
-        """Votes on `count` points before any scan has voted."""
-        agree, contradict, looked = np.zeros((3, count), np.int32)
-        return cls(agree, contradict, looked, np.zeros(count, bool))
-
-    def add(self, chosen: np.ndarray, more: Votes) -> None:
-        """Add the votes of other scans on the `chosen` points, (m,) int64, each once."""
-        for field in fields(Votes):
-            getattr(self, field.name)[chosen] += getattr(more, field.name)
 
     def take(self, chosen: np.ndarray) -> Votes:
         return Votes(self.agree[chosen], self.contradict[chosen], self.looked[chosen], self.behind[chosen])
@@ -64,53 +49,29 @@ def uncontradicted(point_map: PointMap, vote: Votes) -> np.ndarray:
     return (vote.contradict < _MIN_CONTRADICTING) | (vote.contradict <= support)
 
 
-def votes(point_map: PointMap, placed: PlacedScans, executor: Executor | None = None) -> Votes:
-    """The votes of all scans with a single viewpoint on the points in their views; computed by `executor`, by default
-    in this process."""
-    total = Votes.none(len(point_map.points))
-    within, near = ball_search(point_map.points), dict[range, np.ndarray]()
-
-    def needs(places: range) -> tuple[PointMap, PlacedScans]:
-        portion = placed.take(places)
-        near[places] = within(*_ball_of(portion))
-        return point_map.take(near[places]), portion
-
-    for places, portion_votes in in_portions(executor or Executor(), placed.scans, _votes, needs):
-        total.add(near.pop(places), portion_votes)
-    return total
-
-
-def _ball_of(placed: PlacedScans) -> tuple[np.ndarray, float]:
-    """Center (3,) and radius of a ball around all points of the scans [m, world]."""
-    places = placed.T_world_sensor.translation
-    center = (places.min(axis=0) + places.max(axis=0)) / 2
-    reaches = [float(np.linalg.norm(scan.points.astype(np.float64), axis=1).max()) for scan in placed.scans]
-    return center, float((np.linalg.norm(places - center, axis=1) + reaches).max()) * _ROUNDING**2
-
-
-def _votes(point_map: PointMap, placed: PlacedScans) -> Votes:
-    result = Votes.none(len(point_map.points))
-    within = ball_search(point_map.points)
+@threadpool_limits.wrap(limits=1, user_api="blas")  # its rounding depends on the number of threads
+def votes(point_map: PointMap, placed: PlacedScans) -> Votes:
+    """The votes of all scans with a single viewpoint on the points in their views."""
+    agree, contradict, looked = np.zeros((3, len(point_map.points)), np.int32)
+    behind, within = np.zeros(len(point_map.points), bool), ball_search(point_map.points)
     for k, (scan, beams) in enumerate(zip(placed.scans, placed.beams, strict=True)):
         if not beams.single:
             continue
         view, T = _view_of(scan, beams), placed.T_world_sensor[k]
         near = within(T.translation, view.reach)
         # as matrices, which is several times faster than `apply`
-        local, R_view_sensor = (point_map.points[near] - T.translation) @ T.rotation.as_matrix(), view.R_view_sensor
-        aside = local @ R_view_sensor[2] < view.widest * np.sqrt(np.einsum("ij,ij->i", local, local))
-        near, local = near[~aside], local[~aside]
-        directions = local @ R_view_sensor.T
+        local = (point_map.points[near] - T.translation) @ T.rotation.as_matrix()
+        directions = local @ view.R_view_sensor.T
         variance = point_map.sigma[near].astype(np.float64) ** 2 + pose_variance(local, placed.covariances[k])
-        agree, contradict, looked = _compare(view, local, directions, np.sqrt(variance), point_map.voxel)
-        result.agree[near] += agree
-        result.contradict[near] += contradict
-        result.looked[near] += looked
+        agrees, contradicts, looks = _compare(view, local, directions, np.sqrt(variance), point_map.voxel)
+        agree[near] += agrees
+        contradict[near] += contradicts
+        looked[near] += looks
         own = np.flatnonzero(point_map.scan[near] == placed.indices[k])
         ranges = np.linalg.norm(local[own], axis=1)  # in the point's own scan only its range errs
         ranges -= _tolerance(ranges, beams.sigma(ranges), point_map.voxel)
-        result.behind[near[own]] = view.behind(directions[own], ranges)
-    return result
+        behind[near[own]] = view.behind(directions[own], ranges)
+    return Votes(agree, contradict, looked, behind)
 
 
 def ball_search(points: np.ndarray) -> Callable[[np.ndarray, float], np.ndarray]:
@@ -157,7 +118,6 @@ def _tolerance(ranges: np.ndarray, sigma: np.ndarray, voxel: float) -> np.ndarra
 class _View:
     # (3, 3): turns the mean beam to the z axis, the center of the octahedral map, so that its seams lie behind
     R_view_sensor: np.ndarray
-    widest: float  # cosine of the angle from the mean beam beyond which all levels are NaN
     # each (edge, edge) float64: the nearest range in each cell and the eight around it [m]; NaN where too few of these
     # hold an echo
     levels: tuple[np.ndarray, ...]
@@ -191,9 +151,7 @@ def _view_of(scan: Scan, beams: Beams) -> _View:
     R_view_sensor = Rotation.identity() if all_around else Rotation.align_vectors([[0.0, 0.0, 1.0]], [middle])[0]
     wanted = np.sqrt(4 * np.pi) / (_BEAMS_PER_CELL * max(beams.spacing, 1e-6))
     edge = int(2 ** np.clip(np.round(np.log2(wanted)), *np.log2(_EDGES)))
-    turned = R_view_sensor.apply(points)
-    cells = octahedral_cells(turned, edge)
-    widest = np.arccos(np.clip((turned[:, 2] / ranges).min(), -1.0, 1.0)) + _ASIDE * 2 ** (_LEVELS - 1) / edge
+    cells = octahedral_cells(R_view_sensor.apply(points), edge)
     order = np.argsort(cells + ranges / (2 * ranges.max()))  # by cell, then by range
     filled, first, count = np.unique(cells[order], return_index=True, return_counts=True)
     near = np.full(edge * edge, np.inf)
@@ -206,8 +164,7 @@ def _view_of(scan: Scan, beams: Beams) -> _View:
             closed.append(_nine(near, np.maximum, _CLOSED if fineness else _FILLED))
         near = np.minimum(near[::2], near[1::2])  # several times faster than the minimum along two axes
         near = np.minimum(near[:, ::2], near[:, 1::2])
-    least = float(np.cos(widest)) if widest < np.pi else -_ROUNDING
-    return _View(R_view_sensor.as_matrix(), least, tuple(levels), tuple(closed), _ROUNDING * float(ranges.max()))
+    return _View(R_view_sensor.as_matrix(), tuple(levels), tuple(closed), _ROUNDING * float(ranges.max()))
 
 
 def _nine(near: np.ndarray, pick: np.ufunc, least: int) -> np.ndarray:

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
+from threadpoolctl import threadpool_limits
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.map.cell import lattice_origin
-from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.scan import Scan
 
 _SAMPLE = 750  # beams of a scan that are compared with their neighbors
@@ -70,23 +69,13 @@ class PlacedScans:
         indices: Sequence[int] | None = None,
         covariances: np.ndarray | None = None,
         surveys: Sequence[int] | None = None,
-        executor: Executor | None = None,
     ) -> PlacedScans:
-        """Scans with beams measured by the executor; by default with the indices 0..S-1, of one survey, and with
-        certain poses."""
-        beams: dict[range, tuple[Beams, ...]] = dict(
-            in_portions(
-                executor or Executor(),
-                scans,
-                _beams_of_each,
-                lambda places: ([scans[k].points for k in places], voxel),
-            )
-        )
+        """Scans with measured beams; by default with the indices 0..S-1, of one survey, and with certain poses."""
         return cls(
             tuple(scans),
             T_world_sensor,
             voxel,
-            tuple(each for places in sorted(beams, key=lambda places: places.start) for each in beams[places]),
+            tuple(beams_of(scan.points, voxel) for scan in scans),
             tuple(range(len(scans)) if indices is None else indices),
             (0,) * len(scans) if surveys is None else tuple(surveys),
             np.zeros((len(scans), 6, 6)) if covariances is None else covariances,
@@ -117,10 +106,7 @@ class PlacedScans:
         return {k: self.take(np.flatnonzero(surveys == k).tolist()) for k in numbers} if len(numbers) > 1 else {}
 
 
-def _beams_of_each(points: Sequence[np.ndarray], voxel: float) -> tuple[Beams, ...]:
-    return tuple(beams_of(each, voxel) for each in points)
-
-
+@threadpool_limits.wrap(limits=1, user_api="blas")  # its rounding depends on the number of threads
 def beams_of(points: np.ndarray, voxel: float) -> Beams:
     """Measure a scan's beams from a sample of them.
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map import crossing
 from sonarmap.slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
 from sonarmap.slam.map.doubtful_points import clean_map
 from sonarmap.slam.map.free_space import ball_search, uncontradicted, votes
@@ -118,6 +119,14 @@ def test_only_scans_far_apart_cross_and_each_only_a_few_times(scans) -> None:
     assert all(one.i in names and one.j - one.i >= APART for one in found.crossings)
     assert all(one.before == one.after for one in found.crossings)
     assert CrossingError.of([found, found]).crossings == found.crossings * 2  # of two components together
+
+
+def test_crossings_of_many_scans_come_from_an_even_sample(scans, monkeypatch: pytest.MonkeyPatch) -> None:
+    placed = PlacedScans.of(scans, poses(), COARSE, [5 * k for k in range(CROSSED)])
+    monkeypatch.setattr(crossing, "SCANS", 7)
+    taken = {end for each in crossing_error(placed, poses()).crossings for end in (each.i, each.j)}
+    assert taken
+    assert taken <= {10 * k for k in range(7)}
 
 
 def test_a_single_pass_has_no_crossings_and_a_wrong_number_of_poses_is_refused(scans) -> None:

@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map import cell
 from sonarmap.slam.map import point_map as point_maps
 from sonarmap.slam.map.cell import cell_keys, outline, overlapping
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import fuse
+from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 from tests.samples.surveys import random_transforms, ring_poses, scans_of
 
@@ -94,7 +94,7 @@ def test_scans_far_from_their_sensor_are_mapped_whole():
     assert fused.count.sum() == len(scan.points)
 
 
-def test_predicted_overlaps_agree_with_sets_of_cells(monkeypatch: pytest.MonkeyPatch):
+def test_predicted_overlaps_agree_with_sets_of_cells():
     rng = np.random.default_rng(4)
     outlines = [rng.uniform(-3, 3, (int(rng.integers(1, 60)), 3)) for _ in range(23)]
     truth = random_transforms(rng, 23, 0.5, 3.0)
@@ -106,11 +106,9 @@ def test_predicted_overlaps_agree_with_sets_of_cells(monkeypatch: pytest.MonkeyP
         for j in range(i + 1, 23)
         if cells[i] & cells[j]
     }
-    for together in (4, 500):
-        monkeypatch.setattr(cell, "_TOGETHER", together)
-        pairs, share = overlapping(outlines, truth, 1.0, 1e-6)
-        assert [tuple(pair) for pair in pairs.tolist()] == sorted(wanted)
-        np.testing.assert_allclose(share, [wanted[i, j] for i, j in pairs.tolist()], rtol=1e-12)
+    pairs, share = overlapping(outlines, truth, 1.0, 1e-6)
+    assert [tuple(pair) for pair in pairs.tolist()] == sorted(wanted)
+    np.testing.assert_allclose(share, [wanted[i, j] for i, j in pairs.tolist()], rtol=1e-12)
     few, large = overlapping(outlines, truth, 1.0, float(np.median(share)))
     np.testing.assert_array_equal(few, pairs[share >= np.median(share)])
     np.testing.assert_array_equal(large, share[share >= np.median(share)])
@@ -136,3 +134,12 @@ def test_cells_are_half_open_and_ordered():
 def test_scans_need_no_strength():
     T = ring_poses(6)
     assert fuse(PlacedScans.of(scans_of(T), T, 0.5)).strength is None
+
+
+def test_the_map_of_scans_on_disk_is_the_same():
+    store, T = PointStore(0), ring_poses(6)
+    scans = [replace(scan, strength=None) for scan in scans_of(T)]
+    on_disk = [replace(scan, points=store.keep(scan.points)) for scan in scans]
+    here, there = (fuse(PlacedScans.of(each, T, 0.5)) for each in (scans, on_disk))
+    for name in ("points", "sigma", "scan", "seen", "count"):
+        np.testing.assert_array_equal(getattr(here, name), getattr(there, name), name)
