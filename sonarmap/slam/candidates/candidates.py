@@ -12,6 +12,7 @@ from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.map.cell import cell_keys, overlapping
+from sonarmap.slam.map.placed import pose_variance
 from sonarmap.slam.pair import Candidate
 
 _OVERLAP_POWER = 2  # in a loop's worth: with less overlap, scans see the place from different sides and err more
@@ -108,15 +109,8 @@ def _common(occupied: np.ndarray, points: np.ndarray, cell: float) -> int:
 def displacement(outlines: Sequence[np.ndarray], pairs: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     """(m,) root mean square displacement of scan j's points relative to scan i [m], by (m, 6, 6) covariances of T_i_j
     for (m, 2) pairs."""
-    lever = np.array([np.einsum("na,nb->ab", points, points) / len(points) for points in outlines])
-    middle = np.array([points.mean(axis=0) for points in outlines])
-    # displacement of a point: w x p + v; the mean of |w x p|^2 is that of w' (p'p I - p p') w
-    j = pairs[:, 1]
-    turned = np.trace(lever[j], axis1=1, axis2=2)[:, None, None] * np.eye(3) - lever[j]
-    turn, cross, shift = covariances[:, :3, :3], covariances[:, :3, 3:], covariances[:, 3:, 3:]
-    both = np.stack([cross[:, 1, 2] - cross[:, 2, 1], cross[:, 2, 0] - cross[:, 0, 2], cross[:, 0, 1] - cross[:, 1, 0]])
-    squares = np.einsum("nab,nab->n", turned, turn) - 2 * np.einsum("an,na->n", both, middle[j])
-    return np.sqrt(np.maximum(squares + np.trace(shift, axis1=1, axis2=2), 0.0))
+    of_points = (pose_variance(outlines[j], covariance) for j, covariance in zip(pairs[:, 1], covariances, strict=True))
+    return np.sqrt([3 * variances.mean() for variances in of_points])
 
 
 def _overlapping(
@@ -153,9 +147,14 @@ def find_lookalikes(
     scans = sorted(usable, key=lambda k: (part[k], k))
     if settings.per_scan == 0 or len({part[k] for k in scans}) < 2:
         return []
-    index = PlaceIndex(np.stack([usable[k] for k in scans]), np.array([part[k] for k in scans]))
-    similar = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
-    ranked = sorted((distance, *sorted((scans[a], scans[b]))) for a, b, distance in similar)
+    parts_of, similar = np.array([part[k] for k in scans]), dict[tuple[int, ...], float]()
+    index = PlaceIndex(np.stack([usable[k] for k in scans]), parts_of)
+    for number in np.unique(parts_of):
+        here, elsewhere = np.flatnonzero(parts_of == number), np.flatnonzero(parts_of != number)
+        for one, distances in zip(here.tolist(), index.distances(here, elsewhere), strict=True):
+            for near in np.argsort(distances, kind="stable")[: _LOOKALIKES * settings.per_scan].tolist():
+                similar[tuple(sorted((scans[one], scans[elsewhere[near]])))] = float(distances[near])
+    ranked = sorted((distance, *pair) for pair, distance in similar.items())
     new = [Candidate(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in left_out]
     return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
 

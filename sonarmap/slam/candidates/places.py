@@ -2,7 +2,7 @@
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from sonarmap.kernels.errors import InputError
 
@@ -46,52 +46,12 @@ class PlaceIndex:
         place = (np.asarray(signature, np.float64) - self._middle) @ self._axes
         return np.argsort(np.linalg.norm(self._places - place, axis=1), kind="stable")
 
-    def nearest(self, k: int, gap: int = 5, elsewhere: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """The k scans most similar to each scan, best first; ties in the order of the scans.
-
-        Args:
-            gap: leave out scans of the same survey up to this many before or after, which overlap anyway.
-            elsewhere: whether to search other surveys only.
-
-        Returns:
-            index (N, k) int64 and distance (N, k) float64; -1 and inf where fewer than k scans remain.
-        """
-        if k < 1 or gap < 0:
-            raise InputError(f"k is {k} and gap {gap}; wanted at least 1 and at least 0")
-        index = np.full((len(self._places), k), -1)
-        distance = np.full(index.shape, np.inf)
-        for survey in np.unique(self.surveys):
-            scans = np.flatnonzero(self.surveys == survey)
-            pool = np.flatnonzero(self.surveys != survey) if elsewhere else np.arange(len(self.surveys))
-            # enough for k neighbors beside those within the gap
-            count = min(k + 2 * gap + 1, len(pool))
-            if not count:
-                continue
-            apart, neighbors = KDTree(self._places[pool]).query(self._places[scans], count)
-            apart, neighbors = np.reshape(apart, (len(scans), count)), pool[np.reshape(neighbors, (len(scans), count))]
-            near = (np.abs(neighbors - scans[:, None]) <= gap) & (self.surveys[neighbors] == survey)
-            apart[near] = np.inf
-            order = np.lexsort((neighbors, apart), axis=1)[:, :k]
-            apart, neighbors = np.take_along_axis(apart, order, 1), np.take_along_axis(neighbors, order, 1)
-            distance[scans, : apart.shape[1]] = apart
-            index[scans, : apart.shape[1]] = np.where(np.isfinite(apart), neighbors, -1)
-        return index, distance
-
-    def candidates(self, per_scan: int, gap: int = 5, elsewhere: bool = False) -> list[tuple[int, int, float]]:
-        """Pairs i < j with their distance, sorted, in which one scan is among the `per_scan` nearest of the other.
+    def distances(self, scans: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """(n, m) distances of n scans from m others, given by their indices.
 
         Consecutive scans differ by about 1, or less, along each of the directions.
-
-        Args:
-            per_scan, gap, elsewhere: k, gap and elsewhere of `nearest`.
         """
-        index, distance = self.nearest(per_scan, gap, elsewhere)
-        scan, place = np.nonzero(index >= 0)
-        neighbor = index[scan, place]
-        pairs = np.column_stack([np.minimum(scan, neighbor), np.maximum(scan, neighbor)])
-        pairs, first = np.unique(pairs, axis=0, return_index=True)
-        apart = distance[scan, place][first]
-        return [(i, j, d) for (i, j), d in zip(pairs.tolist(), apart.tolist(), strict=True)]
+        return cdist(self._places[scans], self._places[others])
 
 
 def _discriminate(signatures: np.ndarray, middle: np.ndarray, consecutive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
