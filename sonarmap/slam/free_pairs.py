@@ -13,8 +13,7 @@ from sonarmap.spectral.geometry import measured_rotation, rotated
 from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.scan import PosePrior, Scan
 
-_EVEN_PAIRS = 8  # spread evenly over the survey
-_TURNING_PAIRS = 8  # between which the vehicle turns most
+_PAIRS = 8  # spread evenly over the survey, and as many between which the vehicle turns most
 LEAST_PAIRS = 6  # smallest number of pairs from which a scale of errors is estimated
 # By kind: the numbers of a prior to use, and those of the pair's six differences to test, which are the last residuals.
 _KINDS = {"attitude": ([0, 1], [0, 1]), "heading": ([0, 1, 2], [2]), "depth": ([0, 1, 5], [5])}
@@ -44,8 +43,8 @@ def _chosen(scans: Sequence[Scan], surveys: np.ndarray) -> list[tuple[int, int]]
             continue
         pairs.append((k, k + 1))
         turns.append(float((first.T_world_sensor.rotation.inv() * second.T_world_sensor.rotation).magnitude()))
-    most: list[int] = np.argsort(turns)[::-1][:_TURNING_PAIRS].tolist()
-    evenly: list[int] = np.linspace(0, len(pairs) - 1, _EVEN_PAIRS).round().astype(int).tolist() if pairs else []
+    most: list[int] = np.argsort(turns)[::-1][:_PAIRS].tolist()
+    evenly: list[int] = np.linspace(0, len(pairs) - 1, _PAIRS).round().astype(int).tolist() if pairs else []
     return [pairs[k] for k in sorted({*most, *evenly})]
 
 

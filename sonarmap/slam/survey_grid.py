@@ -9,8 +9,8 @@ from sonarmap.spectral.grid import Grid, scan_extent, voxel_for
 from sonarmap.spectral.scan import Scan
 
 _SIZES = 8  # voxel sizes per factor of two
-# Among enough scans, the few that are much larger than usual contain stray echoes and are ignored.
-_ENOUGH_SCANS = 10
+# The few of ten or more scans that need voxels this many times those of the usual scan contain stray echoes. Of fewer
+# scans the largest counts itself in the interpolated quantile.
 _USUAL_QUANTILE = 0.9
 _STRAY_RATIO = 1.5
 
@@ -30,7 +30,7 @@ def grid_of_extents(extents: Iterable[float], edge: int = 128) -> Grid:
     """The grid for scans of these extents [m], which `scan_extent` measures."""
     sizes = [voxel_for(extent, edge) for extent in extents if extent > 0]  # 0: all points are in one place
     largest = max(sizes, default=0.0) or voxel_for(0.0, edge)  # which raises and says why
-    if len(sizes) >= _ENOUGH_SCANS:
+    if sizes:
         usual = float(np.quantile(sizes, _USUAL_QUANTILE))
         largest = max(size for size in sizes if size <= _STRAY_RATIO * usual)
     return Grid(edge, 2 ** (ceil(_SIZES * log2(largest)) / _SIZES))

@@ -71,11 +71,6 @@ def scans_that_fit(device: Device, edge: int) -> int:
     return min(max(0, device.memory - plan.scratch) // plan.scan for plan in memory_plans(edge))
 
 
-def prepared_size(edge: int) -> int:
-    """Size of a prepared scan by the method that needs more [bytes]."""
-    return max(plan.scan for plan in memory_plans(edge))
-
-
 def _fits(device: Device, edge: int) -> bool:
     try:
         for plan in memory_plans(edge):

@@ -15,7 +15,6 @@ from sonarmap.slam.map.cell import cell_keys, overlapping
 from sonarmap.slam.map.placed import pose_variance
 from sonarmap.slam.pair import Candidate
 
-_OVERLAP_POWER = 2  # in a loop's worth: with less overlap, scans see the place from different sides and err more
 _LOOKALIKES = 3  # neighbors that are looked up per wanted one, since consecutive scans show the same place
 # Standard normal draws for samples of the relative pose of two scans; fixed, so that results are reproducible.
 _DRAWS = np.random.default_rng(0).standard_normal((12, 6))
@@ -182,7 +181,8 @@ def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: 
         return np.zeros(0, np.intp)
     apart = separations(len(solution.trajectory), solution.graph.edges, scans)
     # pairs that only instruments place in one frame are infinitely far apart along the edges
-    worth = overlap**_OVERLAP_POWER * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
+    # squared: with less overlap, scans see the place from different sides and err more
+    worth = overlap**2 * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
     order = np.lexsort((scans[:, 1], scans[:, 0], -worth))
     ranked = [(i, j) for i, j in scans[order].tolist()]
     return order[within_limits(ranked, per_scan, spread)]

@@ -7,8 +7,6 @@ from scipy.spatial.distance import cdist
 from sonarmap.kernels.errors import InputError
 
 _DIRECTIONS = 20  # of signatures that distances are measured along; more would add noise
-# Regularization of the covariance of differences between consecutive scans [its mean variance].
-_RIDGE = 1.0
 # Directions along which the scans differ less than this share of the largest are rounding errors.
 _NEGLIGIBLE = 1e-5
 
@@ -68,7 +66,8 @@ def _discriminate(signatures: np.ndarray, middle: np.ndarray, consecutive: np.nd
         return np.zeros((len(scores), 1)), np.zeros((len(axes), 1))
     steps = (scores[1:] - scores[:-1])[consecutive]
     within = steps.T @ steps / max(len(steps), 1)
-    ridge = _RIDGE * np.trace(within) / len(within) or 1.0
+    # regularized by its mean variance
+    ridge = np.trace(within) / len(within) or 1.0
     last = len(within) - 1
     _, directions = eigh(
         scores.T @ scores, within + ridge * np.eye(len(within)), subset_by_index=(max(0, last - _DIRECTIONS + 1), last)

@@ -13,27 +13,23 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.job import Job, KeyedScan, PairJob
 from sonarmap.slam.execute.pair_text import signature_to_text, to_text
 from sonarmap.slam.pair import DEFECT
-from sonarmap.spectral.memory import prepared_size, scans_that_fit
+from sonarmap.spectral.memory import scans_that_fit
 from sonarmap.spectral.result import Registrar
 
-# Numbers of prepared scans to keep. Pairs are registered in the order of their scans, so more would save no time; the
-# rest of the memory is for the map and other programs.
-_MIN_PREPARED = 8
+# Number of prepared scans to keep: pairs are registered in the order of their scans, so more would save little time.
 _MAX_PREPARED = 16
 _MEMORY_DIVISOR = 8  # the device's memory, over the part that prepared scans may take
 
 
 def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
-    """Number of prepared scans to keep: as many as are useful and fit, along with the one that is being prepared.
+    """Number of prepared scans to keep: as many as are useful and fit a part of the memory that `workers` share.
 
-    The memory of a scan follows from the registrar's `device` and `grid`, if it has them; `workers` share the device.
+    The memory of a scan follows from the registrar's `device` and `grid`, if it has them.
     """
     device, grid = getattr(registrar, "device", None), getattr(registrar, "grid", None)
     if device is None or grid is None:
-        return _MIN_PREPARED
-    fitting = max(2, scans_that_fit(device, grid.edge) - 1)
-    useful = device.memory // (_MEMORY_DIVISOR * workers * prepared_size(grid.edge))
-    return min(fitting, max(_MIN_PREPARED, min(_MAX_PREPARED, useful)))
+        return _MAX_PREPARED
+    return max(2, min(_MAX_PREPARED, scans_that_fit(device, grid.edge) // (_MEMORY_DIVISOR * workers)))
 
 
 @dataclass(frozen=True, slots=True)

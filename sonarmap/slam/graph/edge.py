@@ -14,7 +14,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 
 Kind = Literal["sequential", "odometry", "tie", "loop", "prior"]
-SYMMETRY = 1e-9  # largest asymmetry of a covariance or information, as a share of its largest element
+ROUNDED = 1e-9  # rounding errors of a covariance or information, as a share of its largest element
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ def check_definite(matrix: np.ndarray, name: str) -> None:
     """Raise InputError unless `matrix` is (6, 6), finite, symmetric and positive definite."""
     if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
         raise InputError(f"{name} has shape {matrix.shape} or is not finite; wanted (6, 6) finite numbers")
-    if not (matrix == matrix.T).all() and np.abs(matrix - matrix.T).max() > SYMMETRY * np.abs(matrix).max():
+    if not (matrix == matrix.T).all() and np.abs(matrix - matrix.T).max() > ROUNDED * np.abs(matrix).max():
         raise InputError(f"{name} is not symmetric; wanted a symmetric positive definite matrix")
     try:
         np.linalg.cholesky(matrix)

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import ROUNDED
 from sonarmap.spectral.geometry import cross_matrices, twist
 from sonarmap.spectral.scan import PosePrior
 
 GAUGE_SIGMA = 1e-6  # [rad, m], of an anchor: far below any registration's
-_ROUNDED = 1e-9  # rounding errors of an information matrix, as a share of its largest element
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +28,16 @@ class KnownPose:
         if self.information.shape != (6, 6) or not np.isfinite(self.information).all():
             raise InputError(f"{name} has shape {self.information.shape} or is not finite; wanted (6, 6) numbers")
         largest = float(np.abs(self.information).max())
-        if np.abs(self.information - self.information.T).max() > _ROUNDED * largest:
+        if np.abs(self.information - self.information.T).max() > ROUNDED * largest:
             raise InputError(f"{name} is not symmetric")
         smallest = float(np.linalg.eigvalsh(self.information).min())
-        if smallest < -_ROUNDED * largest:
+        if smallest < -ROUNDED * largest:
             raise InputError(f"{name} is indefinite (smallest eigenvalue {smallest:.3g}); wanted none below 0")
 
     @property
     def rank(self) -> int:
         """Number of constrained directions, 0..6."""
-        return int(np.linalg.matrix_rank(self.information, hermitian=True, rtol=_ROUNDED))
+        return int(np.linalg.matrix_rank(self.information, hermitian=True, rtol=ROUNDED))
 
     def factors(self) -> list[gtsam.NonlinearFactor]:
         """GTSAM factors of the rotation and of the translation, or one of the whole pose where these are coupled."""

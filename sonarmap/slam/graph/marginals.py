@@ -15,8 +15,6 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-_SIZE = 6  # numbers of a pose
-
 
 @dataclass(frozen=True, slots=True)
 class Marginals:
@@ -37,7 +35,7 @@ def marginals(linear: gtsam.GaussianFactorGraph, pairs: np.ndarray) -> Marginals
         RuntimeError: the factors do not determine every pose.
     """
     extended = linear.clone()
-    zeros, weight = np.zeros((1, _SIZE)), gtsam.noiseModel.Unit.Create(1)
+    zeros, weight = np.zeros((1, 6)), gtsam.noiseModel.Unit.Create(1)
     for i, j in np.unique(np.sort(np.concatenate([pairs.reshape(-1, 2), _ties(linear)]), axis=1), axis=0).tolist():
         # adds no information, but makes the elimination keep the block of the pair
         extended.add(gtsam.JacobianFactor(i, zeros, j, zeros, np.zeros(1), weight))
@@ -58,9 +56,9 @@ def require_unique(linear: gtsam.GaussianFactorGraph) -> None:
 def information_of(linear: gtsam.GaussianFactorGraph, count: int) -> sparse.csc_array:
     """(6 N, 6 N) information of factors about `count` = N keys, six rows each."""
     row, column, entry = linear.sparseJacobian_()
-    inside = column <= _SIZE * count  # the last column holds the residuals
+    inside = column <= 6 * count  # the last column holds the residuals
     places = row[inside].astype(np.intp) - 1, column[inside].astype(np.intp) - 1
-    jacobian = sparse.csc_array((entry[inside], places), shape=(int(row.max()), _SIZE * count))
+    jacobian = sparse.csc_array((entry[inside], places), shape=(int(row.max()), 6 * count))
     return sparse.csc_array(jacobian.T @ jacobian)
 
 
@@ -104,27 +102,27 @@ class _Eliminated:
             named = place[key[1:]]
             order = np.argsort(named)
             later.append(named[order])
-            S.append(conditional.S().reshape(_SIZE, -1, _SIZE)[:, order].reshape(_SIZE, -1))
+            S.append(conditional.S().reshape(6, -1, 6)[:, order].reshape(6, -1))
         return cls(place, later, [conditional.R().copy() for conditional in conditionals], S)
 
     def marginals(self, pairs: np.ndarray) -> Marginals:
         """Covariances of all variables and of pairs of keys, from the last variable to the first."""
         count = len(self.place)
-        single, across = np.empty((count, _SIZE, _SIZE)), np.empty((len(pairs), _SIZE, _SIZE))
+        single, across = np.empty((count, 6, 6)), np.empty((len(pairs), 6, 6))
         pairs_of = self._pairs_by_place(pairs)
         parents = [int(later[0]) if len(later) else -1 for later in self.later]
         children = Counter(parents)
         joints: dict[int, np.ndarray] = {}  # joint covariance of each variable and its later ones
         for k in range(count - 1, -1, -1):
             later, parent = self.later[k], parents[k]
-            joint = np.empty((_SIZE * (1 + len(later)),) * 2)
+            joint = np.empty((6 * (1 + len(later)),) * 2)
             if parent >= 0:
-                joint[_SIZE:, _SIZE:] = self._part(joints[parent], parent, later)
+                joint[6:, 6:] = self._part(joints[parent], parent, later)
             self._fill(joint, k)
-            single[k] = joint[:_SIZE, :_SIZE]
+            single[k] = joint[:6, :6]
             for other, pair, first in pairs_of.get(k, ()):
-                at = _SIZE * (1 + int(np.searchsorted(later, other)))
-                block = joint[:_SIZE, at : at + _SIZE]
+                at = 6 * (1 + int(np.searchsorted(later, other)))
+                block = joint[:6, at : at + 6]
                 across[pair] = block if first else block.T
             if children[k]:
                 joints[k] = joint
@@ -138,9 +136,9 @@ class _Eliminated:
         """Fill the rows and columns of variable k from the rest of the joint covariance."""
         root = np.linalg.inv(self.R[k])
         gain = -root @ self.S[k]
-        across = gain @ joint[_SIZE:, _SIZE:]
-        joint[:_SIZE, _SIZE:], joint[_SIZE:, :_SIZE] = across, across.T
-        joint[:_SIZE, :_SIZE] = root @ root.T + across @ gain.T
+        across = gain @ joint[6:, 6:]
+        joint[:6, 6:], joint[6:, :6] = across, across.T
+        joint[:6, :6] = root @ root.T + across @ gain.T
 
     def _part(self, joint: np.ndarray, parent: int, later: np.ndarray) -> np.ndarray:
         """The parent's joint covariance, restricted to the variables `later`."""
@@ -148,8 +146,8 @@ class _Eliminated:
         if len(places) == len(later):  # all of it
             return joint
         chosen = np.searchsorted(places, later)
-        blocks = joint.reshape(len(places), _SIZE, len(places), _SIZE)[chosen][:, :, chosen]
-        return blocks.reshape(_SIZE * len(later), -1)
+        blocks = joint.reshape(len(places), 6, len(places), 6)[chosen][:, :, chosen]
+        return blocks.reshape(6 * len(later), -1)
 
     def _pairs_by_place(self, pairs: np.ndarray) -> dict[int, list[tuple[int, int, bool]]]:
         """By the place of a pair's first variable: the other's place, the pair's index, and whether i is the first."""

@@ -26,7 +26,6 @@ _MAX_KEYS = 8  # key scans tried per scan
 _SUFFICIENT_PROBABILITY = 0.99  # at which, with enough keys, no further key scans are tried
 _SUFFICIENT_KEYS = 3  # key scans that agree
 _LIKELY = 0.5  # probability from which key scans near a place are tried
-_ELSEWHERE = 1  # key scans too far away to see the place that are tried as a check, the most similar first
 _ACCEPTED = 0.93  # probability from which a place is accepted; docs/measured has the evidence
 _MIN_PROBABILITY = 0.01  # of a place that is kept
 _PREPARED_KEYS = 32  # kept in memory
@@ -83,12 +82,11 @@ class Locator:
             places = agreed_places(answers, self._floor)
             if places and places[0].probability >= _SUFFICIENT_PROBABILITY and len(places[0].keys) >= _SUFFICIENT_KEYS:
                 break
-        # 2. check whether a place out of its sight looks like the scan as well
+        # 2. check whether the most similar key scan out of its sight looks like the scan as well
         if places and places[0].probability >= _ACCEPTED:
             far = self._distances(places[0], keys) > View.of(scan.points).reach
-            elsewhere = [key for key, is_far in zip(keys, far, strict=True) if is_far]
-            answers += [answer for key in elsewhere[:_ELSEWHERE] for answer in self._answers(key, prepared)]
-            places = agreed_places(answers, self._floor)
+            if far.any():
+                places = agreed_places(answers + self._answers(keys[int(np.argmax(far))], prepared), self._floor)
         # 3. check the most probable place against the map seen from there
         places = [place for place in places if place.probability >= _MIN_PROBABILITY]
         if not places:

@@ -29,7 +29,6 @@ _SURFACE_RADIUS = 2.0  # up to which neighbors form the surface about a point [v
 _SURFACE_POINTS = 12  # largest number of these neighbors
 _SEEN_RATIO = 2  # of the scans that saw a well-seen surface to those that saw the point beside it, at least
 _NEAR = 0.75  # distance up to which a point is part of a well-seen surface [voxels]
-_AT_A_TIME = 100_000  # points that are processed together, which bounds the memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,20 +91,15 @@ def part_doubtful(point_map: PointMap, vote: Votes, min_seen: int = MIN_SEEN) ->
 
 def _beside(point_map: PointMap, chosen: np.ndarray) -> np.ndarray:
     """(n,) bool: which of the `chosen` points (n,) lie beside a well-seen surface."""
-    beside = np.zeros(len(chosen), bool)
     if not len(chosen):
-        return beside
+        return np.zeros(0, bool)
     # balancing the tree costs more than it saves in a query of few points
     tree = KDTree(point_map.points, leafsize=32, compact_nodes=False, balanced_tree=False)
     seen = np.append(point_map.seen, 0)  # the last stands for missing neighbors
-    for first in range(0, len(chosen), _AT_A_TIME):
-        some = slice(first, first + _AT_A_TIME)
-        points = point_map.points[chosen[some]]
-        distance, near = tree.query(
-            points, _SURFACE_POINTS + 1, distance_upper_bound=_SURFACE_RADIUS * point_map.voxel
-        )  # the first is the point itself
-        around, count = seen[np.asarray(near)[:, 1:]], np.isfinite(distance[:, 1:]).sum(axis=1)
-        well = _SEEN_RATIO * point_map.seen[chosen[some]]
-        part_of = ((around >= well[:, None]) & (distance[:, 1:] <= _NEAR * point_map.voxel)).any(axis=1)
-        beside[some] = (around.sum(axis=1) >= well * count) & (count > 0) & ~part_of
-    return beside
+    distance, near = tree.query(
+        point_map.points[chosen], _SURFACE_POINTS + 1, distance_upper_bound=_SURFACE_RADIUS * point_map.voxel
+    )  # the first is the point itself
+    around, count = seen[np.asarray(near)[:, 1:]], np.isfinite(distance[:, 1:]).sum(axis=1)
+    well = _SEEN_RATIO * point_map.seen[chosen]
+    part_of = ((around >= well[:, None]) & (distance[:, 1:] <= _NEAR * point_map.voxel)).any(axis=1)
+    return (around.sum(axis=1) >= well * count) & (count > 0) & ~part_of

@@ -18,12 +18,10 @@ from sonarmap.spectral.scan import Scan
 _MARGIN_VOXELS = 1.0
 _MARGIN_SHARE = 0.03  # of the range
 _MARGIN_SIGMAS = 2.0
-_MIN_CONTRADICTING = 2  # scans
 _BEAMS_PER_CELL = 2.0  # along a side: a finer view has holes between the beams
 _EDGES = (16, 256)  # of a view, coarsest and finest [cells]
 _LEVELS = 3  # of each view, every next one half as fine, for points whose direction is less certain
 _FILLED = 5  # least number of the nine cells about a direction that hold an echo where a view is not empty
-_CLOSED = 9  # least number of these cells where a view has no hole
 _ROUNDING = 1 + 1e-6  # factor by which the farthest point of a scan is within its reach
 _CROWD = 3  # in a cell with at least this number of echoes, the nearest is ignored, as it may be false
 
@@ -42,11 +40,11 @@ class Votes:
 def uncontradicted(point_map: PointMap, vote: Votes) -> np.ndarray:
     """(M,) bool: the points that free space does not contradict.
 
-    At least two scans contradict a point that is not kept, more than agree with it, and more than have a point in its
-    voxel. Echoes from behind a surface, such as multipath, are kept, as no beam passed them.
+    More scans contradict a point that is not kept than agree with it, and more than have a point in its voxel. Echoes
+    from behind a surface, such as multipath, are kept, as no beam passed them.
     """
     support = np.maximum(vote.agree, point_map.seen)
-    return (vote.contradict < _MIN_CONTRADICTING) | (vote.contradict <= support)
+    return vote.contradict <= support
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # its rounding depends on the number of threads
@@ -161,7 +159,7 @@ def _view_of(scan: Scan, beams: Beams) -> _View:
     for fineness in range(_LEVELS):
         levels.append(_nine(near, np.minimum, _FILLED))
         if fineness < 2:
-            closed.append(_nine(near, np.maximum, _CLOSED if fineness else _FILLED))
+            closed.append(_nine(near, np.maximum, 9 if fineness else _FILLED))
         near = np.minimum(near[::2], near[1::2])  # several times faster than the minimum along two axes
         near = np.minimum(near[:, ::2], near[:, 1::2])
     return _View(R_view_sensor.as_matrix(), tuple(levels), tuple(closed), _ROUNDING * float(ranges.max()))

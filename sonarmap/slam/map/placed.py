@@ -8,21 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
+from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import lattice_origin
+from sonarmap.spectral.prepare.range_image import SINGLE, SLOPE, SPREAD
 from sonarmap.spectral.scan import Scan
 
 _SAMPLE = 750  # beams of a scan that are compared with their neighbors
 _NEIGHBORS = 11  # of a beam, by direction
 _GROUPS = 8  # of beams by range, each with its own scatter
-# A scan has a single viewpoint if this share of the beams agrees with those around them within the sum of both
-# tolerances. The same as in `spectral.prepare.range_image`.
-_AGREEING_SHARE = 0.8
-_TOLERANCE_VOXELS = 2.0
-_TOLERANCE_SHARE = 0.03  # of the range
-_MAD = 1.4826  # standard deviation of a Gaussian whose median absolute deviation is 1
 _MIN_SCATTER = 0.02  # of a range [voxels], as no surface is flat
 
 
@@ -130,14 +126,14 @@ def beams_of(points: np.ndarray, voxel: float) -> Beams:
     angles, near = tree.query(directions[sample], _NEIGHBORS)
     around = ranges[near]
     off = np.abs(ranges[sample] - np.median(around, axis=1))
-    single = bool((off <= _TOLERANCE_VOXELS * voxel + _TOLERANCE_SHARE * ranges[sample]).mean() >= _AGREEING_SHARE)
+    single = bool((off <= SPREAD * voxel + SLOPE * ranges[sample]).mean() >= SINGLE)
     if not single:  # a point may lie anywhere in its voxel
         return Beams(np.array([0.0]), np.array([voxel / np.sqrt(12)]), 0.0, single=False)
     residual = np.abs(_residuals(directions[near], around))
     groups = np.array_split(np.argsort(ranges[sample], kind="stable"), _GROUPS)
     return Beams(
         ranges=np.array([np.median(ranges[sample][group]) for group in groups]),
-        sigmas=np.maximum([_MAD * np.median(residual[group]) for group in groups], floor),
+        sigmas=np.maximum([np.median(residual[group]) / ndtri(0.75) for group in groups], floor),
         spacing=float(np.median(angles[:, 1])),
         single=True,
     )

@@ -15,9 +15,9 @@ _EDGE = 128
 _NEAR = 0.15
 _FAR = 0.85
 # A scan has a single viewpoint if this share of its points is near the median range of their cell.
-_SINGLE = 0.8
-_SPREAD = 2.0  # largest difference to the median [voxels]
-_SLOPE = 0.03  # increase of this difference, as a share of the range
+SINGLE = 0.8
+SPREAD = 2.0  # largest difference to the median [voxels]
+SLOPE = 0.03  # increase of this difference, as a share of the range
 _PLACES = 12  # largest number of viewpoints to use
 _SAMPLE = 1500  # points of a scan that are compared with another's view
 # Largest distance of a point from the surface [voxels; share of the range].
@@ -102,11 +102,11 @@ class _Ranges:
         near = ranges[first + np.floor(_NEAR * (count - 1)).astype(np.int64)]
         far = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
         median = np.repeat(ranges[first + count // 2], count)
-        agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
+        agreeing = np.abs(ranges - median) <= SPREAD + SLOPE * ranges
         # leave out single points in a cell, which always agree with the median
         alone = first[count == 1]
         shared = len(cells) - len(alone)
-        single = shared == 0 or (np.count_nonzero(agreeing) - len(alone)) / shared >= _SINGLE
+        single = shared == 0 or (np.count_nonzero(agreeing) - len(alone)) / shared >= SINGLE
         return cls(cells[first].astype(np.int64), near, far, bool(single))
 
     def image(self) -> np.ndarray:
