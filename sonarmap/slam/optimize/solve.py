@@ -9,14 +9,10 @@ import numpy as np
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.robust import robust_optimize
-from sonarmap.slam.graph.edge import spanning_tree
 from sonarmap.slam.graph.pose_graph import PoseGraph
 
 Start = Literal["chordal", "given"]
 STARTS: tuple[Start, ...] = get_args(Start)
-
-_MIN_STRAIN = 1e-3  # largest residual in the spanning tree below which loops have no effect [sigmas]
-_MIN_DECREASE = 1e-6  # relative decrease of chi-squared below which the poses were optimal before
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,24 +128,3 @@ def optimize(graph: PoseGraph, start: Start = "chordal", robust: bool = False) -
         converged=solution.converged,
         seconds=seconds,
     )
-
-
-def without_effect(optimized: Optimized) -> str:
-    """Why the optimization had no effect, in words; "" if it had one."""
-    graph = optimized.graph
-    residuals = optimized.residuals_after[optimized.accepted]
-    in_tree = {id(edge) for edge in spanning_tree(len(graph.trajectory), graph.edges)}
-    tree_residuals = residuals[[k for k, edge in enumerate(graph.edges) if id(edge) in in_tree]]
-    loops = len(graph.edges) - len(tree_residuals)
-    if not loops:
-        return "the graph has no loop: its poses follow from its edges one after another, and nothing corrects them"
-    if tree_residuals.max(initial=0) < _MIN_STRAIN:
-        return (
-            f"the {loops} edges that close loops change nothing: all other residuals are at most "
-            f"{tree_residuals.max():.1g} sigmas. Either they weigh nothing beside the others, or they agree with "
-            "them to the last digit, as copies do; look at their information matrices"
-        )
-    before, after = optimized.chi_squared_before, optimized.chi_squared_after
-    if before - after <= _MIN_DECREASE * after:
-        return f"chi-squared did not fall ({before:.9g} before, {after:.9g} after): the poses were optimal as they were"
-    return ""

@@ -9,7 +9,6 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.option import OPTIMIZATION, OUTPUT, REQUIRED, JsonOption, QuietOption
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, progress, warn
 
@@ -39,7 +38,7 @@ def command(
     """
     import numpy as np
 
-    from sonarmap.slam.optimize.solve import optimize, without_effect
+    from sonarmap.slam.optimize.solve import optimize
     from sonarmap.tools.files.readers.g2o import read_g2o, require_connected
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.poses import rewrite_g2o
@@ -61,8 +60,6 @@ def command(
         advance("written")
     report["seconds"] = seconds | optimized.seconds | {"total": time.perf_counter() - start_time}
     print_json(report) if as_json else _print(report, robust, out)
-    if warning := without_effect(optimized):
-        warn(as_options(warning))
     if not optimized.converged:
         warn(f"the optimizer did not converge in {optimized.iterations} iterations")
         raise typer.Exit(NOT_CONVERGED)

@@ -113,20 +113,10 @@ def test_a_wrong_loop_is_rejected_and_listed(wrong_loop: Path) -> None:
     assert result.stdout.startswith(("The poses fit", "The edges contradict"))
 
 
-def test_graphs_that_optimizing_does_not_change_are_reported(tmp_path: Path) -> None:
-    tree = ring(loops=False)
-    weak = edge(11, 0, RigidTransform.identity(), np.eye(6) * 1e12, "loop")
-    graphs = {
-        "warning: the graph has no loop": tree,
-        "change nothing": PoseGraph(tree.trajectory, (*tree.edges, weak)),
-        "did not fall": ring().optimize().graph,
-        "": ring(),
-    }
-    for words, graph in graphs.items():
-        write_g2o(tmp_path / "in.g2o", graph)
-        result = sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o")
-        said(result, words)
-        assert ("warning" in result.stderr) == bool(words)
+def test_a_graph_without_loops_is_reported(tmp_path: Path) -> None:
+    write_g2o(tmp_path / "in.g2o", ring(loops=False))
+    result = sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o")
+    assert "every pose follows from one edge" in result.stdout
 
 
 def test_unconnected_parts_are_refused_with_line_and_vertices(tmp_path: Path) -> None:
