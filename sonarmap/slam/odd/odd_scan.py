@@ -57,7 +57,8 @@ def find_odd(
     """The scans that are mirrored, or in feet among meters, by their numbers.
 
     Such a scan is in no map, or only by pairs that were sought at expected poses, where such pairs are found, rightly
-    or not. The changed scan fits two neighbors of one map, up to two scans away, which agree on its place.
+    or not. The changed scan fits two neighbors of one map, up to two scans away, which agree on its place; unchanged it
+    does not.
 
     Args:
         runner: of the scans.
@@ -76,15 +77,16 @@ def find_odd(
         if len(neighbors) < 2:
             continue
         change = _change(scans[k], [scans[j] for j in neighbors])
-        changed = runner.beside([change.of(scans[k])], [k])
-        pairs = changed.register([Candidate(j, len(scans), "loop") for j in neighbors])
-        if _agree(pairs, decision.solution, floor, bound):
+        candidates = [Candidate(j, len(scans), "loop") for j in neighbors]
+        changed, unchanged = (runner.beside([each], [k]) for each in (change.of(scans[k]), scans[k]))
+        fits = _agree(changed.register(candidates), decision.solution, floor, bound)
+        if fits and not _agree(unchanged.register(candidates), decision.solution, floor, bound):
             odd.append(OddScan(k, change))
     return tuple(odd)
 
 
 def _agree(pairs: Sequence[RegisteredPair], solution: Solution, floor: np.ndarray, bound: float) -> bool:
-    """Whether two accepted registrations of the changed scan with scans of one map agree on its place."""
+    """Whether two accepted registrations of a scan with scans of one map agree on its place."""
     places = [(pair.i, pair.registration) for pair in pairs if pair.registration and pair.accepted]
     part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
     T = solution.trajectory.T_world_sensor
