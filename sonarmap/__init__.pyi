@@ -18,7 +18,7 @@ from .slam.locate.place import Located as Located
 from .slam.locate.place import Place as Place
 from .slam.map.point_map import PointMap as PointMap
 from .slam.mapper import Mapper as Mapper
-from .slam.mapper import MapperSettings as MapperSettings
+from .slam.mapper_settings import MapperSettings as MapperSettings
 from .slam.motion.limits import MotionLimits as MotionLimits
 from .slam.motion.odometry import Odometry as Odometry
 from .slam.optimize.solve import Optimized as Optimized

@@ -1,75 +1,32 @@
 """The mapper: scans in, one consistent map out."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.decide.decision import Decision, decide
+from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.other_place import other_places
-from sonarmap.slam.decide.verdict import with_contradictions
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.slam.free_pairs import errors_shown, register_freely
+from sonarmap.slam.fused import fused
 from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.pose_covariance import pose_covariances
-from sonarmap.slam.map.doubtful_points import MIN_SEEN, ComponentMaps, component_maps
-from sonarmap.slam.map.placed import PlacedScans
-from sonarmap.slam.motion.limits import MotionLimits
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.straighten import Straightened, Way, sharper, straightened, ways
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.slam.odd.odd_scan import find_odd
 from sonarmap.slam.odd.scaled import find_scaled
-from sonarmap.slam.pair import RegisteredPair, require_any_registered
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.slam.pair_search import PairSearch
 from sonarmap.slam.stream.between import with_between
-from sonarmap.slam.stream.keys import KeySettings, choose_keys
+from sonarmap.slam.stream.keys import choose_keys
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
-
-
-@dataclass(frozen=True, slots=True)
-class MapperSettings:
-    """Settings of the mapper.
-
-    Attributes:
-        loops: which extra pairs are tried and kept.
-        limits: what the vehicle's motion cannot exceed.
-        keys: how key scans of a dense stream are chosen.
-        bridge: over a gap, pairs up to this many scans apart are tried; 1 tries none.
-        prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
-            useful and fit.
-        map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
-        min_seen: points that fewer scans saw are left out of the map where others contradict them, see
-            `slam.map.doubtful_points`; 1 leaves out none.
-        straighten: whether to correct scans whose points have times for the sensor's motion, if they then fit better.
-    """
-
-    loops: LoopSettings = field(default_factory=LoopSettings)
-    limits: MotionLimits = field(default_factory=MotionLimits)
-    keys: KeySettings = field(default_factory=KeySettings)
-    bridge: int = 3
-    prepared: int | None = None
-    map_voxel: float | None = None
-    min_seen: int = MIN_SEEN
-    straighten: bool = True
-
-    def __post_init__(self) -> None:
-        if self.bridge < 1:
-            raise InputError(f"`bridge={self.bridge}`: wanted at least 1")
-        if self.prepared is not None and self.prepared < 2:
-            raise InputError(f"`prepared={self.prepared}`: wanted at least 2")
-        if self.map_voxel is not None and not (np.isfinite(self.map_voxel) and self.map_voxel > 0):
-            raise InputError(f"the map's voxel is {self.map_voxel} m; wanted a positive length")
-        if self.min_seen < 1:
-            raise InputError(f"`min_seen={self.min_seen}`: wanted at least 1, which leaves no point out")
-
 
 _MAX_STRAIGHTENINGS = 2  # rounds of straightening
 _MIN_SHIFT = 0.1  # of a point in a round [voxels]; a round without a larger one is the last
@@ -226,7 +183,9 @@ class Mapper:
         finally:
             self.execution.worker.release()
         runner.step_done("poses optimized")
-        result = replace(self._fuse(scans, number, decision), ties=ties, control=decision.points(control))
+        map_voxel = self.settings.map_voxel or self.voxel
+        result = fused(decision, scans, number, self.voxel, map_voxel, self.settings.min_seen)
+        result = replace(result, ties=ties, control=decision.points(control))
         runner.step_done("map fused")
         return replace(result, odd=odd, scaled=scaled, keys=None if len(keys) == len(scans) else tuple(keys))
 
@@ -269,69 +228,10 @@ class Mapper:
         settled: int = 0,
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
     ) -> Decision:
-        """The decision about all pairs of some scans that can be registered; `known` ones already are.
-
-        The search ignores ties and control points, so that it registers the same pairs with and without them.
-        """
-        settings = self.settings.loops
-        limits = self.settings.limits
-        search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, limits, settled, looked)
-        pairs = search.steps(known)
-        measurements = search.measurements
-        untied = measurements.by_instruments
-        pairs += search.bridges(pairs, self.settings.bridge)
-        require_any_registered(pairs)
-        decision = self._decide(runner, untied, pairs)
-        for number in range(settings.most_rounds if settings.rounds else 0):
-            loops = search.loops(decision, pairs, unsure=number >= settings.rounds)
-            if not loops:
-                break
-            pairs += loops
-            decision = self._decide(runner, untied, pairs)
-        if measurements.ties or measurements.control:
-            tied = self._decide(runner, measurements, search.tied(pairs))
-            decision = replace(tied, pairs=tuple(with_contradictions(tied.pairs, decision.solution)))
-        graph, floor = decision.solution.graph, settings.floor(self.voxel)
-        return replace(decision, other_places=other_places(graph, decision.pairs, floor, settings.bound))
-
-    def _decide(self, runner: PairRunner, measurements: Measurements, pairs: Sequence[RegisteredPair]) -> Decision:
-        decision = decide(pairs, measurements, self.voxel, self.settings.loops)
-        runner.end_stage("poses optimized")
-        return decision
-
-    def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, decision: Decision) -> SurveyResult:
-        solution, covariances = decision.solution, pose_covariances(decision.solution)
-        trajectory, components = solution.trajectory, solution.graph.components
-        parts: list[ComponentMaps] = []
-        for component in components:
-            members = list(component)
-            placed = PlacedScans.of(
-                [scans[k] for k in members],
-                trajectory.T_world_sensor[members],
-                self.settings.map_voxel or self.voxel,
-                members,
-                covariances[members],
-                survey[members].tolist(),
-            )
-            parts.append(component_maps(placed, decision.chained.take(members), self.settings.min_seen))
-        return SurveyResult(
-            trajectory=trajectory,
-            chained=decision.chained,
-            components=components,
-            surveys=tuple(survey.tolist()),
-            covariances=covariances,
-            solution=solution,
-            parts=tuple(parts),
-            pairs=decision.pairs,
-            gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
-            voxel=self.voxel,
-            wrong_fixes=decision.fixes.wrong,
-            understated=decision.understated,
-            systematic=decision.fixes.systematic,
-            interpolated=decision.interpolated,
-            other_places=decision.other_places,
-            names=tuple(scan.name for scan in scans),
-        )
+        settings = self.settings
+        loops, limits = settings.loops, settings.limits
+        search = PairSearch(runner, measurements, self.registrar, self.voxel, loops, limits, settled, looked)
+        return search.decided(known, settings.bridge)
 
 
 def _require_scans(count: int, ties: Sequence[Tie], control: Sequence[ControlPoint]) -> None:

@@ -10,6 +10,8 @@ from sonarmap.slam.candidates.candidates import find_candidates, find_lookalikes
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.measurements import Measurements
+from sonarmap.slam.decide.other_place import other_places
+from sonarmap.slam.decide.verdict import with_contradictions
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.map.cell import outline
@@ -24,7 +26,7 @@ from sonarmap.slam.motion.reconsider import (
     with_motion,
     without_unreachable,
 )
-from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.pair import Candidate, RegisteredPair, require_any_registered
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registrar
 
@@ -85,6 +87,33 @@ class PairSearch:
         self._motion: AnyMotion | None = None
         self._placed: Solution | None = None  # by steps and fixes; None without fixes
         self._outlines: list[np.ndarray] = []
+
+    def decided(self, known: Sequence[RegisteredPair], widest: int) -> Decision:
+        """The decision about all pairs; `known` steps are already registered, bridges are at most `widest` scans apart.
+
+        The search ignores ties and control points, so that it registers the same pairs with and without them.
+        """
+        loops, pairs = self._settings, self.steps(known)
+        pairs += self.bridges(pairs, widest)
+        require_any_registered(pairs)
+        untied = self.measurements.by_instruments
+        decision = self._decide(pairs, untied)
+        for number in range(loops.most_rounds if loops.rounds else 0):
+            more = self.loops(decision, pairs, unsure=number >= loops.rounds)
+            if not more:
+                break
+            pairs += more
+            decision = self._decide(pairs, untied)
+        if self.measurements.ties or self.measurements.control:
+            tied = self._decide(self.tied(pairs), self.measurements)
+            decision = replace(tied, pairs=tuple(with_contradictions(tied.pairs, decision.solution)))
+        places = other_places(decision.solution.graph, decision.pairs, self._floor, loops.bound)
+        return replace(decision, other_places=places)
+
+    def _decide(self, pairs: Sequence[RegisteredPair], measurements: Measurements) -> Decision:
+        decision = decide(pairs, measurements, self._voxel, self._settings)
+        self._runner.end_stage("poses optimized")
+        return decision
 
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
         """Consecutive scans of each survey, from which the motion is learned; `known` pairs are reused."""

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.graph.pose_graph import PoseGraph
     from sonarmap.slam.locate.place import Located
     from sonarmap.slam.locate.surveyed_map import SurveyedMap
-    from sonarmap.slam.mapper import MapperSettings
+    from sonarmap.slam.mapper_settings import MapperSettings
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.motion.turn_rates import TurnRates
     from sonarmap.slam.optimize.solve import Optimized, Start
@@ -181,7 +181,8 @@ def map_scans(
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
     from sonarmap.slam.graph.control import ControlPoint
-    from sonarmap.slam.mapper import Mapper, MapperSettings
+    from sonarmap.slam.mapper import Mapper
+    from sonarmap.slam.mapper_settings import MapperSettings
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.slam.tie import Tie

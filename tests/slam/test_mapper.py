@@ -15,7 +15,8 @@ from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.map.cell import outline
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration

@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.expected import ExpectedPose

@@ -9,7 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.control import ControlPoint, Use
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.stream.keys import KeySettings
 from sonarmap.slam.survey_result import SurveyResult

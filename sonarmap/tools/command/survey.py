@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.execute.runner import Execution
     from sonarmap.slam.execute.worker import PairWorker
     from sonarmap.slam.graph.control import ControlPoint
-    from sonarmap.slam.mapper import MapperSettings
+    from sonarmap.slam.mapper_settings import MapperSettings
     from sonarmap.slam.pings.calibration import PatchTest
     from sonarmap.slam.pings.crossings import Crossings
     from sonarmap.slam.tie import Tie
@@ -84,7 +84,7 @@ class SurveyOptions:
         """The mapper's settings, --set included, and the options of the method without the fields of --set that are the
         mapper's."""
         from sonarmap.slam.candidates.settings import LoopSettings
-        from sonarmap.slam.mapper import MapperSettings
+        from sonarmap.slam.mapper_settings import MapperSettings
         from sonarmap.slam.motion.limits import MotionLimits
 
         settings = MapperSettings(

@@ -11,7 +11,8 @@ from sonarmap.slam.map.doubtful_points import CleanMap, clean_map, part_doubtful
 from sonarmap.slam.map.free_space import Votes
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.room_scans import look, room_distance, room_poses
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of

@@ -15,7 +15,8 @@ from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.graph.edge import Edge
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.slam.stream.keys import KeySettings, choose_keys

@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.mapper import MapperSettings
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.tools.command.failures import OPTIONS, guarded
 from sonarmap.tools.command.main import VERBS, app
 from sonarmap.tools.command.method import changed

@@ -22,7 +22,8 @@ from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.live.growing import GrowingMap
 from sonarmap.slam.live.tracker import Placed
 from sonarmap.slam.map.cell import cell_means
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
 from sonarmap.tools.command.live.navigation import Navigation

@@ -11,7 +11,8 @@ from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.journal import Journal
 from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.worker import Worker, prepared_limit
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked

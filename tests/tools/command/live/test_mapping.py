@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.journal import Journal
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.mapper import MapperSettings
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.live import mapping as module
 from sonarmap.tools.command.live.kept_keys import keep_key, map_keys

@@ -11,7 +11,8 @@ from scipy.spatial.transform import RigidTransform
 import sonarmap
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration

@@ -1,0 +1,51 @@
+"""A decided survey as a result: its components fused to maps, with the uncertainty of every pose."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sonarmap.slam.decide.decision import Decision
+from sonarmap.slam.graph.pose_covariance import pose_covariances
+from sonarmap.slam.map.doubtful_points import ComponentMaps, component_maps
+from sonarmap.slam.map.placed import PlacedScans
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.scan import Scan
+
+
+def fused(
+    decision: Decision, scans: Sequence[Scan], surveys: np.ndarray, voxel: float, map_voxel: float, min_seen: int
+) -> SurveyResult:
+    """The maps of all components, and what else the decision says; `surveys` (N,) are the numbers of the surveys,
+    `map_voxel` [m] and `min_seen` as of `MapperSettings`."""
+    solution, covariances = decision.solution, pose_covariances(decision.solution)
+    trajectory, components = solution.trajectory, solution.graph.components
+    parts: list[ComponentMaps] = []
+    for component in components:
+        members = list(component)
+        placed = PlacedScans.of(
+            [scans[k] for k in members],
+            trajectory.T_world_sensor[members],
+            map_voxel,
+            members,
+            covariances[members],
+            surveys[members].tolist(),
+        )
+        parts.append(component_maps(placed, decision.chained.take(members), min_seen))
+    return SurveyResult(
+        trajectory=trajectory,
+        chained=decision.chained,
+        components=components,
+        surveys=tuple(surveys.tolist()),
+        covariances=covariances,
+        solution=solution,
+        parts=tuple(parts),
+        pairs=decision.pairs,
+        gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
+        voxel=voxel,
+        wrong_fixes=decision.fixes.wrong,
+        understated=decision.understated,
+        systematic=decision.fixes.systematic,
+        interpolated=decision.interpolated,
+        other_places=decision.other_places,
+        names=tuple(scan.name for scan in scans),
+    )
