@@ -59,11 +59,11 @@ def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolutio
             of similar shape may agree with each other.
     """
     edges, bound = graph.edges, chi_squared(PROBABILITY, 6)
-    fixed = _fixed_inliers(graph)
+    fixed = _fixed_inliers(graph, trust_chain)
     graph = graph.placed_at(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, fixed)
     tried = active.astype(int)
-    accepted, solution = _inliers(graph, active, fixed, bound, trust_chain)
+    accepted, solution = _graduated(graph, active, fixed, bound)
     for _ in range(_ROUNDS - 1):
         graph = graph.at(solution.trajectory.T_world_sensor)
         others = np.flatnonzero(~accepted & (tried < 2))
@@ -73,14 +73,18 @@ def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolutio
         active = accepted.copy()
         active[others] = True
         tried += active
-        accepted, solution = _inliers(graph, active, fixed, bound, trust_chain)
+        accepted, solution = _graduated(graph, active, fixed, bound)
     graph = graph.at(solution.trajectory.T_world_sensor)
     return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, fixed, bound))
 
 
-def _fixed_inliers(graph: PoseGraph) -> np.ndarray:
-    """(E,) bool: edges that are always inliers: of instruments or a person, or the only one between two components."""
-    fixed = np.array([edge.by_hand or not edge.is_registered for edge in graph.edges], bool)
+def _fixed_inliers(graph: PoseGraph, trust_chain: bool) -> np.ndarray:
+    """(E,) bool: edges that are always inliers: of instruments or a person, the only one between two components, and,
+    with `trust_chain`, those between consecutive scans."""
+    trusted = [
+        edge.by_hand or not edge.is_registered or (trust_chain and edge.kind == "sequential") for edge in graph.edges
+    ]
+    fixed = np.array(trusted, bool)
     fixed[list(cut_edges(len(graph.trajectory), graph.edges, graph.gauge.in_world))] = True
     return fixed
 
@@ -110,35 +114,6 @@ def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
     active[grouped] = True
     active[alone[: max(0, FIRST - len(grouped))]] = True
     return active
-
-
-def _inliers(
-    graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float, trust_chain: bool
-) -> tuple[np.ndarray, Solution]:
-    """(E,) bool, the inliers among the active edges, and their optimum.
-
-    Graduated non-convexity begins with the least squares of all edges. There a wrong loop can tear the chain apart, and
-    the result can be poor. Trusting the chain prevents this, but hides its own wrong edges. Both are tried, and the
-    result with the lower truncated cost is used. Measurements of instruments are inliers in both, and add to the cost
-    as much as the poses contradict them.
-    """
-    sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
-    if trust_chain:
-        return _graduated(graph, active, fixed | sequential, bound)
-    measured = sum(known.rank for known in graph.gauge.all_known)
-    best: tuple[float, np.ndarray, Solution] | None = None
-    for trusted in (fixed | sequential, fixed):
-        accepted, solution = _graduated(graph, active, trusted, bound)
-        squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
-        contradicted = solution.chi_squared_after - float(squared[accepted].sum())
-        cost = float(np.where(accepted, squared, bound)[active].sum()) + contradicted
-        if best is None or cost < best[0]:
-            best = cost, accepted, solution
-        agrees = not measured or contradicted <= chi_squared(PROBABILITY, measured)
-        if agrees and (active & ~accepted).sum() <= 1:  # then rejecting an edge of the chain costs as much
-            break
-    assert best is not None
-    return best[1:]
 
 
 def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> tuple[np.ndarray, Solution]:
