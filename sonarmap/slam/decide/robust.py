@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.consistency import agreeing_groups, chain_parts, distances_from_chain
-from sonarmap.slam.graph.edge import Edge, cut_edges, spanning_tree
+from sonarmap.slam.graph.edge import Edge, spanning_tree
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.tangent import lengths
@@ -59,7 +59,7 @@ def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolutio
             of similar shape may agree with each other.
     """
     edges, bound = graph.edges, chi_squared(PROBABILITY, 6)
-    fixed = _fixed_inliers(graph, trust_chain)
+    fixed = np.array([not e.is_registered or e.by_hand or (trust_chain and e.kind == "sequential") for e in edges], bool)
     graph = graph.placed_at(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, fixed)
     tried = active.astype(int)
@@ -76,17 +76,6 @@ def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolutio
         accepted, solution = _graduated(graph, active, fixed, bound)
     graph = graph.at(solution.trajectory.T_world_sensor)
     return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, fixed, bound))
-
-
-def _fixed_inliers(graph: PoseGraph, trust_chain: bool) -> np.ndarray:
-    """(E,) bool: edges that are always inliers: of instruments or a person, the only one between two components, and,
-    with `trust_chain`, those between consecutive scans."""
-    trusted = [
-        edge.by_hand or not edge.is_registered or (trust_chain and edge.kind == "sequential") for edge in graph.edges
-    ]
-    fixed = np.array(trusted, bool)
-    fixed[list(cut_edges(len(graph.trajectory), graph.edges, graph.gauge.in_world))] = True
-    return fixed
 
 
 def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
@@ -174,7 +163,7 @@ def _reasons(
     for k in range(len(graph.edges)):
         apart = f"{residuals[k]:.1f} sigmas, {np.sqrt(bound):.1f} allowed"
         if fixed[k]:
-            reasons.append("accepted: trusted, or the only edge between two components")
+            reasons.append("accepted: trusted")
         elif accepted[k]:
             reasons.append(f"accepted: agrees with the others to {apart}")
         elif tried[k]:

@@ -1,8 +1,7 @@
-"""Edges of a pose graph, and what follows from them: components, spanning trees and bridges."""
+"""Edges of a pose graph, and what follows from them: components and spanning trees."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -145,43 +144,3 @@ def components(count: int, edges: Sequence[Edge]) -> tuple[tuple[int, ...], ...]
     for edge in edges:
         joined.merge(edge.i, edge.j)
     return tuple(sorted(tuple(sorted(subset)) for subset in joined.subsets()))
-
-
-def cut_edges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -> set[int]:
-    """Indices of the bridges: edges without which a component of `count` poses would fall apart (Tarjan, IPL 1974).
-
-    Poses `in_world` are connected to each other without edges.
-    """
-    neighbors: list[list[tuple[int, int]]] = [[] for _ in range(count)]
-    for number, (one, other) in enumerate(pairwise(in_world), len(edges)):
-        # two parallel edges, so that neither is a bridge
-        for index in (number, number + count):
-            neighbors[one].append((other, index))
-            neighbors[other].append((one, index))
-    for index, edge in enumerate(edges):
-        if edge.kind != "prior":
-            neighbors[edge.i].append((edge.j, index))
-            neighbors[edge.j].append((edge.i, index))
-    order, low, bridges = [-1] * count, [0] * count, set[int]()
-    reached = 0
-    for root in range(count):
-        if order[root] >= 0:
-            continue
-        order[root] = low[root] = reached = reached + 1
-        path = [(root, -1, iter(neighbors[root]))]
-        while path:
-            pose, by, rest = path[-1]
-            step = next(((other, index) for other, index in rest if index != by), None)
-            if step is None:
-                path.pop()
-                if path:
-                    before = path[-1][0]
-                    low[before] = min(low[before], low[pose])
-                    if low[pose] == order[pose]:
-                        bridges.add(by)
-            elif order[step[0]] >= 0:
-                low[pose] = min(low[pose], order[step[0]])
-            else:
-                order[step[0]] = low[step[0]] = reached = reached + 1
-                path.append((*step, iter(neighbors[step[0]])))
-    return bridges

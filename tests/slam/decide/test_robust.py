@@ -5,13 +5,12 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.robust import regions_about, robust_optimize
-from sonarmap.slam.graph.edge import Edge, components, cut_edges
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from tests.samples.lawnmower import lawnmower
 from tests.samples.surveys import (
     aliased,
-    chain_edges,
     chained_graph,
     distance,
     edge,
@@ -89,20 +88,6 @@ def test_a_tree_and_a_prior_cannot_be_rejected() -> None:
     far = edge(4, 4, RigidTransform.from_translation([500.0, 0, 0]), np.eye(6), "prior")
     result = robust_optimize(PoseGraph(chain(edges, np.arange(5.0)), (*edges, far), fixed=(0,)))
     assert result.accepted.all()
-
-
-def test_cut_edges_are_those_whose_removal_divides_a_component() -> None:
-    rng = np.random.default_rng(9)
-    for _ in range(30):
-        count = int(rng.integers(2, 12))
-        pairs = [tuple(rng.choice(count, 2, replace=False).tolist()) for _ in range(int(rng.integers(1, 16)))]
-        edges = [edge(i, j, RigidTransform.identity(), np.eye(6), "loop") for i, j in pairs]
-        parts = len(components(count, edges))
-        want = {k for k in range(len(edges)) if len(components(count, edges[:k] + edges[k + 1 :])) > parts}
-        assert cut_edges(count, edges) == want
-    # of poses that the world holds they are not necessary
-    chained = chain_edges(ring_poses(6), np.eye(6))
-    assert [cut_edges(6, chained, held) for held in ([], [1, 4], [0, 2, 5])] == [set(range(5)), {0, 4}, set()]
 
 
 @pytest.mark.slow
