@@ -212,19 +212,18 @@ def reweighted(
 ) -> tuple[Solution, np.ndarray]:
     """The optimum and the measurements' weights there; `weighed` gives a graph whose measurements have given weights,
     `weights_at` the weights by the distance of a graph's poses from the measurements."""
-    solution, scale_factors = None, np.ones(len(graph.edges))
-    of_edges = 1 / scale_factors
+    solution, of_edges = None, np.ones(len(graph.edges))
     for _ in range(_MAX_ROUNDS):
-        scale_factors = 1 / of_edges
-        solution = weighed(graph, weights).optimize(covariances=False, scale_factors=scale_factors)
+        solution = weighed(graph.with_scale_factors(1 / of_edges), weights).optimize(covariances=False)
         graph = graph.at(solution.trajectory.T_world_sensor)
         if edges_too:
-            of_edges = np.minimum(1.0, (TAILS + 6) / (TAILS + solution.residuals**2 / of_edges))
+            of_edges = np.minimum(1.0, (TAILS + 6) / (TAILS + graph.residuals() ** 2))
         before, weights = weights, weights_at(graph)
         if np.abs(weights - before).max() < _MIN_CHANGE:
             break
     assert solution is not None
-    return solution.with_covariances(scale_factors), weights
+    solution = solution.with_covariances()
+    return replace(solution, graph=replace(solution.graph, edges=graph.edges)), weights
 
 
 def sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:

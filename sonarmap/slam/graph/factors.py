@@ -14,19 +14,13 @@ from sonarmap.slam.graph.tangent import lengths
 _LEAST_RATIO = 1e-22  # of variances of one edge: a larger spread than 1e11 of its sigmas is rounding
 
 
-def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None) -> list[gtsam.NonlinearFactor]:
-    """One GTSAM factor per edge, in their order; poses are keys 0..N-1.
-
-    Args:
-        scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
-    """
+def edge_factors(edges: Sequence[Edge]) -> list[gtsam.NonlinearFactor]:
+    """One GTSAM factor per edge, in their order; poses are keys 0..N-1."""
     if not edges:
         return []
     poses = [gtsam.Pose3(matrix) for matrix in _measured(edges).as_matrix()]
-    covariances = _covariances(edges)
-    if scale_factors is not None:
-        covariances *= scale_factors[:, None, None]
-    noises = [gtsam.noiseModel.Gaussian.SqrtInformation(root, False) for root in _information_roots(covariances)]
+    roots = _information_roots(_covariances(edges))
+    noises = [gtsam.noiseModel.Gaussian.SqrtInformation(root, False) for root in roots]
     return [
         gtsam.PriorFactorPose3(edge.i, pose, noise)
         if edge.kind == "prior"

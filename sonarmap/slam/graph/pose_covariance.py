@@ -44,7 +44,7 @@ def weighed(graph: PoseGraph) -> PoseGraph:
     alone = graph.registered_alone
     weights, quotient = np.ones(len(alone.edges)), _PRIOR_QUOTIENT
     for _ in range(_REWEIGHTINGS if weights.size else 0):
-        solution = alone.optimize(covariances=False, scale_factors=1 / weights)
+        solution = alone.with_scale_factors(1 / weights).optimize(covariances=False)
         alone = alone.at(solution.trajectory.T_world_sensor)
         squared = solution.residuals**2  # weighted
         quotient = (squared.sum() + _PRIOR_FREEDOM * _PRIOR_QUOTIENT) / (solution.degrees_of_freedom + _PRIOR_FREEDOM)

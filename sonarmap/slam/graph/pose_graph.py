@@ -146,19 +146,16 @@ class PoseGraph:
             "large or too small"
         )
 
-    def optimize(
-        self, max_iterations: int = 100, covariances: bool = True, scale_factors: np.ndarray | None = None
-    ) -> "Solution":
+    def optimize(self, max_iterations: int = 100, covariances: bool = True) -> "Solution":
         """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
 
         Args:
             covariances: whether the solution has these, which needs a unique optimum; poses and residuals do not.
-            scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
 
         Raises:
             InputError: the equations have no unique or no finite solution.
         """
-        factors, initial = factors_of(self, scale_factors=scale_factors), to_values(self.trajectory.T_world_sensor)
+        factors, initial = factors_of(self), to_values(self.trajectory.T_world_sensor)
         options = gtsam.LevenbergMarquardtParams()
         options.setMaxIterations(max_iterations)
         if len({pose for edge in self.edges if edge.i != edge.j for pose in (edge.i, edge.j)}) == len(self.trajectory):
@@ -221,10 +218,9 @@ class Solution:
     def trajectory(self) -> Trajectory:
         return self.graph.trajectory
 
-    def with_covariances(self, scale_factors: np.ndarray) -> "Solution":
-        """The solution with covariances, if `optimize` left them out; `scale_factors` as there."""
-        factors = factors_of(self.graph, scale_factors=scale_factors)
-        return replace(self, _linear=factors.linearize(to_values(self.trajectory.T_world_sensor)))
+    def with_covariances(self) -> "Solution":
+        """The solution with covariances, if `optimize` left them out."""
+        return replace(self, _linear=factors_of(self.graph).linearize(to_values(self.trajectory.T_world_sensor)))
 
     def covariances(self) -> np.ndarray:
         """(N, 6, 6) covariance of each pose, rotation first [rad, m], body tangent, relative to its anchor."""
@@ -299,17 +295,14 @@ class Solution:
             raise self.graph.unsolvable(error) from error
 
 
-def factors_of(
-    graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA, scale_factors: np.ndarray | None = None
-) -> gtsam.NonlinearFactorGraph:
+def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.NonlinearFactorGraph:
     """The graph as GTSAM's factors: one for each edge, in their order, then those of single poses (`gauge_factors`).
 
     Args:
         graph: its poses are keys 0..N-1.
         gauge_sigma: standard deviation of the anchors [rad, m].
-        scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
     """
     factors = gtsam.NonlinearFactorGraph()
-    for factor in (*edge_factors(graph.edges, scale_factors), *gauge_factors(graph.gauge, gauge_sigma)):
+    for factor in (*edge_factors(graph.edges), *gauge_factors(graph.gauge, gauge_sigma)):
         factors.add(factor)
     return factors
