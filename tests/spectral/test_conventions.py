@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.gtsam_poses import to_values
-from sonarmap.slam.graph.known_pose import MeasuredPoses
+from sonarmap.slam.graph.known_pose import known_poses
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.tangent import adjoint, propagated
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -113,6 +113,6 @@ class TestPoseGraph:
         poses = RigidTransform.concatenate([true])
         for known in (np.ones(6, bool), np.array([True, True, True, False, False, True])):
             prior = PosePrior(T_WORLD_I, np.where(known, sigmas, np.inf))
-            (measured,) = MeasuredPoses.of({0: prior}).known(poses)
+            (measured,) = known_poses({0: prior}, poses)
             squared = 2 * sum(factor.error(to_values(poses)) for factor in measured.factors())
             assert squared == pytest.approx((errors / sigmas)[known] @ (errors / sigmas)[known], rel=1e-9)

@@ -62,10 +62,9 @@ def _information_roots(covariances: np.ndarray) -> np.ndarray:
 
 def gauge_factors(gauge: Gauge, sigma: float) -> list[gtsam.NonlinearFactor]:
     """GTSAM factors of single poses: anchors held with `sigma` [rad, m], priors, control points and held motions."""
-    noise, measured = gtsam.noiseModel.Isotropic.Sigma(6, sigma), gauge.by_priors
+    noise = gtsam.noiseModel.Isotropic.Sigma(6, sigma)
     return [
         *(gtsam.PriorFactorPose3(pose, to_pose3(gauge.T_world[pose]), noise) for pose in gauge.anchors),
-        *(() if measured is None else measured.factors(gauge.T_world)),
         *(point.factor() for point in gauge.control),
-        *(factor for each in gauge.beside_priors for factor in each.factors()),
+        *(factor for each in gauge.known_poses for factor in each.factors()),
     ]

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components
-from sonarmap.slam.graph.known_pose import KnownPose, MeasuredPoses
+from sonarmap.slam.graph.known_pose import KnownPose, known_poses
 from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.spectral.scan import PosePrior
 
@@ -118,20 +118,19 @@ class Gauge:
 
     @property
     def all_known(self) -> list[KnownPose]:
-        """Priors of single poses, without the anchors': `known`, instruments', control points' and held motions'."""
-        measured = self.by_priors
-        control = [point.known_pose(self.T_world[point.scan]) for point in self.control]
-        return [*self.beside_priors, *control, *([] if measured is None else measured.known(self.T_world))]
+        """Priors of single poses, without the anchors': `known_poses`, and control points'."""
+        return [*self.known_poses, *(point.known_pose(self.T_world[point.scan]) for point in self.control)]
 
     @property
-    def by_priors(self) -> MeasuredPoses | None:
-        """The instruments' priors as arrays; None without any."""
-        return MeasuredPoses.of(self.priors) if self.priors else None
+    def known_poses(self) -> list[KnownPose]:
+        """`known`, instruments' priors, and the priors that hold unconstrained motions."""
+        held = (motion.held(pose, self.T_world[pose]) for pose, motion in self.open_motions.items())
+        return [*self._measured_poses, *held]
 
-    @property
-    def beside_priors(self) -> list[KnownPose]:
-        """`known`, and the priors that hold unconstrained motions."""
-        return [*self.known, *(motion.held(pose, self.T_world[pose]) for pose, motion in self.open_motions.items())]
+    @cached_property
+    def _measured_poses(self) -> list[KnownPose]:
+        """`known`, and instruments' priors."""
+        return [*self.known, *known_poses(self.priors, self.T_world)]
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -151,7 +150,7 @@ class Gauge:
 
     @cached_property
     def _information(self) -> "MotionInformation":
-        return MotionInformation.of(self.T_world, self.priors, self.known, self.control)
+        return MotionInformation.of(self.T_world, self._measured_poses, self.control)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,32 +166,27 @@ class MotionInformation:
 
     @classmethod
     def of(
-        cls,
-        T_world: RigidTransform,
-        priors: Mapping[int, PosePrior],
-        known: Sequence[KnownPose] = (),
-        control: Sequence[ControlPoint] = (),
+        cls, T_world: RigidTransform, known: Sequence[KnownPose], control: Sequence[ControlPoint] = ()
     ) -> "MotionInformation":
-        """From instruments' priors by pose, known poses, and control points."""
+        """From known poses, those of instruments included, and control points."""
         about, count = RigidTransform.from_translation(T_world.translation.mean(axis=0)), len(T_world)
-        of_poses, of_turns, placed = np.zeros((count, 6, 6)), np.zeros((count, 3, 3)), np.zeros(count, bool)
-        if priors:
-            measured = MeasuredPoses.of(priors)
-            J = measured.jacobian(T_world[measured.poses], about.translation)
-            of_poses[measured.poses] = np.einsum("nij,ni,nik->njk", J, measured.precisions, J)
-            turns = J[:, :3, :3]
-            of_turns[measured.poses] = np.einsum("nij,ni,nik->njk", turns, measured.precisions[:, :3], turns)
-            placed[measured.poses] = (measured.precisions[:, 3:] > 0).any(axis=1)
-        for each in [*known, *(point.known_pose(T_world[point.scan]) for point in control)]:
+        of_poses, of_turns = np.zeros((count, 6, 6)), np.zeros((count, 3, 3))
+        for each in (point.known_pose(T_world[point.scan]) for point in control):
             A = adjoint(T_world[each.pose].inv() * about)
             of_poses[each.pose] += A.T @ each.information @ A
-        for each in known:
-            R = T_world[each.pose].rotation.as_matrix()
-            of_turns[each.pose] += R @ each.information[:3, :3] @ R.T
-        placed[[each.pose for each in known if each.information[3:, 3:].any()]] = True
-        positioned, points = np.flatnonzero(placed), [T_world[each.scan].apply(each.point) for each in control]
-        scans = np.concatenate([positioned, np.array([each.scan for each in control], np.intp)])
-        return cls(T_world, about, of_poses, of_turns, scans, np.vstack([T_world.translation[positioned], *points]))
+        if known:
+            poses, information = np.array([each.pose for each in known]), np.stack([each.information for each in known])
+            # along the measured axes, which no error of the estimate tilts
+            R = RigidTransform.concatenate([each.T_world_pose for each in known]).rotation
+            A = adjoint(RigidTransform.from_components(T_world.translation[poses], R).inv() * about)
+            np.add.at(of_poses, poses, A.swapaxes(1, 2) @ information @ A)
+            turns = R.as_matrix()
+            np.add.at(of_turns, poses, turns @ information[:, :3, :3] @ turns.swapaxes(1, 2))
+        positioned = sorted({each.pose for each in known if each.information[3:, 3:].any()})
+        scans = np.array([*positioned, *(each.scan for each in control)], np.intp)
+        points = [T_world[each.scan].apply(each.point) for each in control]
+        places = np.array([*T_world.translation[np.array(positioned, np.intp)], *points]).reshape(-1, 3)
+        return cls(T_world, about, of_poses, of_turns, scans, places)
 
     def open_motion(self, members: Sequence[int]) -> OpenMotion | None:
         """The unconstrained motions of a component; None where nothing was measured of its poses.

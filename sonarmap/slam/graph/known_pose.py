@@ -41,41 +41,23 @@ class KnownPose:
 
     def factors(self) -> list[gtsam.NonlinearFactor]:
         """GTSAM factors of the rotation and of the translation, or one of the whole pose where these are coupled."""
-        R, t = self.T_world_pose.rotation.as_matrix(), self.T_world_pose.translation
-        turn, shift = self.information[:3, :3], R @ self.information[3:, 3:] @ R.T
+        measured = gtsam.Pose3(self.T_world_pose.as_matrix())
         if self.information[:3, 3:].any():
-            return [gtsam.PriorFactorPose3(self.pose, gtsam.Pose3(gtsam.Rot3(R), t), _noise(_root(self.information)))]
-        return _prior_factors(self.pose, R, t, _root(turn), _root(shift))
+            return [gtsam.PriorFactorPose3(self.pose, measured, _noise(self.information))]
+        R = measured.rotation().matrix()
+        turn, shift = self.information[:3, :3], R @ self.information[3:, 3:] @ R.T
+        factors: list[gtsam.NonlinearFactor] = []
+        if turn.any():
+            factors.append(gtsam.PoseRotationPrior3D(self.pose, measured.rotation(), _noise(turn)))
+        if shift.any():
+            factors.append(gtsam.PoseTranslationPrior3D(self.pose, measured.translation(), _noise(shift)))
+        return factors
 
 
-def _root(information: np.ndarray) -> np.ndarray:
-    """(..., k, k) roots S of semidefinite matrices S'S."""
+def _noise(information: np.ndarray) -> gtsam.noiseModel.Base:
+    """Gaussian noise with semidefinite information."""
     values, axes = np.linalg.eigh(information)
-    return np.sqrt(np.maximum(values, 0.0))[..., None] * axes.swapaxes(-1, -2)
-
-
-def _noise(root: np.ndarray) -> gtsam.noiseModel.Base:
-    """Gaussian noise with the information root' root."""
-    return gtsam.noiseModel.Gaussian.SqrtInformation(root, False)
-
-
-def _prior_factors(
-    pose: int, R: np.ndarray, t: np.ndarray, turn: np.ndarray, shift: np.ndarray
-) -> list[gtsam.NonlinearFactor]:
-    """Factors of a rotation and of a translation from the roots of their information; none where that is 0."""
-    factors: list[gtsam.NonlinearFactor] = []
-    if turn.any():
-        factors.append(gtsam.PoseRotationPrior3D(pose, gtsam.Rot3(R), _noise(turn)))
-    if shift.any():
-        factors.append(gtsam.PoseTranslationPrior3D(pose, t, _noise(shift)))
-    return factors
-
-
-def blocks(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """(6, 6) block-diagonal matrix of two (3, 3) blocks, for the rotation and for the translation."""
-    both = np.zeros((6, 6))
-    both[:3, :3], both[3:, 3:] = turn, shift
-    return both
+    return gtsam.noiseModel.Gaussian.SqrtInformation(np.sqrt(np.maximum(values, 0.0))[:, None] * axes.T, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,32 +106,23 @@ class MeasuredPoses:
         turned = Rotation.from_euler("Z", twist(T_world_pose.rotation * R.inv())[:, None]) * R
         return _chosen(self.precisions[:, 2] > 0, R, turned)
 
-    def known(self, T_world_sensor: RigidTransform) -> list[KnownPose]:
-        """One prior per measured pose; unmeasured headings are those of an estimate of all N poses."""
-        rotation = self.headed(T_world_sensor[self.poses])
-        T = RigidTransform.from_components(self.T_world_pose.translation, rotation)
-        R: np.ndarray = rotation.as_matrix()
-        information = np.zeros((len(self.poses), 6, 6))
-        information[:, :3, :3] = turn_information(rotation, self.precisions[:, :3])
-        information[:, 3:, 3:] = R.swapaxes(1, 2) @ (self.precisions[:, 3:, None] * R)
-        return [KnownPose(k, T[n], information[n]) for n, k in enumerate(self.poses.tolist())]
-
-    def factors(self, T_world_sensor: RigidTransform) -> list[gtsam.NonlinearFactor]:
-        """GTSAM factors of each measured rotation and translation, headings as for `known`."""
-        rotation = self.headed(T_world_sensor[self.poses])
-        turns = _root(turn_information(rotation, self.precisions[:, :3]))
-        shifts = np.sqrt(self.precisions[:, 3:, None]) * np.eye(3)
-        rows = zip(self.poses.tolist(), rotation.as_matrix(), self.T_world_pose.translation, turns, shifts, strict=True)
-        return [factor for row in rows for factor in _prior_factors(*row)]
-
 
 def _chosen(which: np.ndarray, R: Rotation, other: Rotation) -> Rotation:
     """(n,) rotations: R where `which` is true, else `other`."""
     return Rotation.from_quat(np.where(which[:, None], R.as_quat(), other.as_quat()))
 
 
-def turn_information(R: Rotation, precisions: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) information about e in R_true = R Exp(e) = Exp(Rz(h) v) R, for h the twist of R and v with (n, 3)
-    precisions."""
-    M: np.ndarray = (Rotation.from_euler("Z", twist(R)[:, None]).inv() * R).as_matrix()
-    return M.swapaxes(1, 2) @ (precisions[:, :, None] * M)
+def known_poses(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
+    """Instruments' priors, by pose; unmeasured headings are those of an estimate of all N poses."""
+    if not priors:
+        return []
+    measured = MeasuredPoses.of(priors)
+    rotation = measured.headed(T_world_sensor[measured.poses])
+    T = RigidTransform.from_components(measured.T_world_pose.translation, rotation)
+    R: np.ndarray = rotation.as_matrix()
+    # the errors of roll, pitch and heading are about the axes of the heading
+    headed: np.ndarray = (Rotation.from_euler("Z", twist(rotation)[:, None]).inv() * rotation).as_matrix()
+    information = np.zeros((len(R), 6, 6))
+    information[:, :3, :3] = headed.swapaxes(1, 2) @ (measured.precisions[:, :3, None] * headed)
+    information[:, 3:, 3:] = R.swapaxes(1, 2) @ (measured.precisions[:, 3:, None] * R)
+    return [KnownPose(k, T[n], information[n]) for n, k in enumerate(measured.poses.tolist())]

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.gauge import MotionInformation
-from sonarmap.slam.graph.known_pose import MeasuredPoses
+from sonarmap.slam.graph.known_pose import MeasuredPoses, known_poses
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.geometry import measured_rotation, twist
 from sonarmap.spectral.scan import PosePrior
@@ -173,20 +173,21 @@ def place_by_control(
         trajectory: N poses, each component's in a frame of its own, upright where attitudes are measured.
         control: points, of which only those of use "control" take part.
     """
-    poses = trajectory.T_world_sensor.as_matrix()
+    T = trajectory.T_world_sensor
+    poses = T.as_matrix()
     for members in parts:
         inside = set(members)
         points = [point for point in control if point.holds and point.scan in inside]
         known = {k: priors[k] for k in members if k in priors}
-        motion = MotionInformation.of(trajectory.T_world_sensor, known).open_motion(members) if points else None
+        motion = MotionInformation.of(T, known_poses(known, T)).open_motion(members) if points else None
         if not points or (motion is not None and not motion.axes.size):
             continue
-        here = np.stack([trajectory.T_world_sensor[each.scan].apply(each.point) for each in points])
+        here = np.stack([T[each.scan].apply(each.point) for each in points])
         there = np.stack([each.known for each in points])
         upright = any(prior.knows_attitude for prior in known.values())
         T_world_part = robust_fit(here, there, upright)
         chosen = list(members)
-        poses[chosen] = (T_world_part * trajectory.T_world_sensor[chosen]).as_matrix()
+        poses[chosen] = (T_world_part * T[chosen]).as_matrix()
     return Trajectory(trajectory.stamps, RigidTransform.from_matrix(poses))
 
 

@@ -4,13 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.gauge import MotionInformation
 from sonarmap.slam.graph.gtsam_poses import to_values
-from sonarmap.slam.graph.known_pose import KnownPose, blocks
+from sonarmap.slam.graph.known_pose import KnownPose
 from sonarmap.slam.graph.place import place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
@@ -94,7 +95,7 @@ def squared(known: KnownPose, at: RigidTransform) -> float:
 
 @pytest.mark.parametrize(("turns", "shifts"), [(3, 3), (2, 1), (0, 2)])
 def test_a_known_pose_counts_by_its_information(turns: int, shifts: int) -> None:
-    information = blocks(semidefinite(3, turns, 1), semidefinite(3, shifts, 2))
+    information = block_diag(semidefinite(3, turns, 1), semidefinite(3, shifts, 2))
     known = KnownPose(0, T_KNOWN, information)
     assert known.rank == turns + shifts
     assert squared(known, moved(OFF)) == pytest.approx(OFF @ information @ OFF, rel=1e-9)
@@ -126,7 +127,7 @@ def test_motions_that_one_pose_leaves_unconstrained_are_held(diagonal: list[floa
 
 def open_axes(known: list[KnownPose], T: RigidTransform) -> int:
     """Number of unconstrained motions of all poses."""
-    motion = MotionInformation.of(T, {}, known).open_motion(range(len(T)))
+    motion = MotionInformation.of(T, known).open_motion(range(len(T)))
     assert motion is not None
     return motion.axes.shape[1]
 
