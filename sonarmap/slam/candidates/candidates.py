@@ -4,7 +4,8 @@ from collections import defaultdict
 from collections.abc import Container, Sequence
 
 import numpy as np
-from scipy.spatial import KDTree
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.candidates.places import PlaceIndex
@@ -189,24 +190,15 @@ def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: 
 
 
 def separations(count: int, edges: Sequence[Edge], pairs: np.ndarray) -> np.ndarray:
-    """(m,) numbers of edges between two poses, along consecutive poses or over one loop if that is shorter.
-
-    Infinite if neither path exists. Paths over several loops are not searched, which would take quadratic time.
+    """(m,) smallest number of edges between two poses; infinite if no path joins them.
 
     Args:
         pairs: (m, 2) int, different poses.
     """
-    ends = np.array([(edge.i, edge.j) for edge in edges if edge.kind != "prior"], np.intp).reshape(-1, 2)
-    low, high = ends.min(axis=1, initial=count), ends.max(axis=1, initial=0)
-    follows = np.zeros(count, bool)
-    follows[high[high - low == 1]] = True
-    # a pose without an edge to the one before begins a chain, numbered out of reach of the chain before
-    reach = 2 * count
-    place = np.arange(count) + reach * np.cumsum(~follows)
-    ordered = place[np.sort(pairs, axis=1)]
-    apart = (ordered[:, 1] - ordered[:, 0]).astype(np.float64)
-    loops = np.flatnonzero(high - low > 1)
-    if len(loops):
-        tied = np.column_stack([place[low[loops]], place[high[loops]]])
-        apart = np.minimum(apart, 1 + KDTree(tied).query(ordered, p=1)[0])
-    return np.where(apart < count, apart, np.inf)
+    i, j = np.array([(edge.i, edge.j) for edge in edges if edge.kind != "prior"], np.intp).reshape(-1, 2).T
+    joined = csr_array((np.ones(2 * len(i)), (np.append(i, j), np.append(j, i))), shape=(count, count))
+    order, apart = np.argsort(pairs[:, 0], kind="stable"), np.empty(len(pairs))
+    firsts, starts = np.unique(pairs[order, 0], return_index=True)
+    for first, rows in zip(firsts.tolist(), np.split(order, starts[1:]), strict=True):
+        apart[rows] = dijkstra(joined, indices=first, unweighted=True)[pairs[rows, 1]]
+    return apart

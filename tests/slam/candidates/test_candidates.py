@@ -44,30 +44,12 @@ def test_a_displacement_is_the_root_mean_square_over_all_points():
 T, COVARIANCE = RigidTransform.identity(), np.eye(6)
 
 
-def test_separation_is_the_shortest_path_over_at_most_one_loop() -> None:
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        loops = [tuple(sorted(rng.choice(40, 2, replace=False).tolist())) for _ in range(6)]
-        chain = chain_edges(RigidTransform.identity(40), COVARIANCE)
-        edges = [*chain, *(edge(i, j, T, COVARIANCE, "loop") for i, j in loops if j - i > 1)]
-        pairs = np.array([rng.choice(40, 2, replace=False) for _ in range(30)])
-        wanted = [
-            min([abs(i - j), *(1 + min(abs(i - a) + abs(j - b), abs(i - b) + abs(j - a)) for a, b in loops)])
-            for i, j in pairs.tolist()
-        ]
-        np.testing.assert_array_equal(separations(40, edges, pairs), wanted)
-
-
-CHAIN = chain_edges(RigidTransform.identity(10), COVARIANCE)
-
-
-def test_only_a_loop_crosses_a_gap() -> None:
-    chain = [one for one in CHAIN if one.i != 4]
+def test_separation_is_the_shortest_path() -> None:
+    chain = [each for each in chain_edges(RigidTransform.identity(10), COVARIANCE) if each.i != 4]
     pairs = np.array([(3, 4), (3, 7), (0, 9)])
     np.testing.assert_array_equal(separations(10, chain, pairs), [1, np.inf, np.inf])
     bridge = edge(4, 6, T, COVARIANCE, "loop")
     np.testing.assert_array_equal(separations(10, [*chain, bridge], pairs), [1, 3, 8])
-    np.testing.assert_array_equal(separations(11, CHAIN, np.array([(0, 10), (3, 4)])), [np.inf, 1])
 
 
 def test_the_expected_overlap_stays_when_the_world_moves():
