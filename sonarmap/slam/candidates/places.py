@@ -7,8 +7,6 @@ from scipy.spatial.distance import cdist
 from sonarmap.kernels.errors import InputError
 
 _DIRECTIONS = 20  # of signatures that distances are measured along; more would add noise
-# Directions along which the scans differ less than this share of the largest are rounding errors.
-_NEGLIGIBLE = 1e-5
 
 
 class PlaceIndex:
@@ -59,18 +57,12 @@ def _discriminate(signatures: np.ndarray, middle: np.ndarray, consecutive: np.nd
     Args:
         consecutive: (N - 1,) bool, whether a scan and the next are of one survey.
     """
-    left, spread, axes = np.linalg.svd(signatures - middle, full_matrices=False)
-    kept = spread > _NEGLIGIBLE * max(spread[0], np.abs(signatures).max())
-    scores, axes = (left * spread)[:, kept], axes[kept].T
-    if not scores.shape[1]:
-        return np.zeros((len(scores), 1)), np.zeros((len(axes), 1))
-    steps = (scores[1:] - scores[:-1])[consecutive]
+    scores, size = signatures - middle, signatures.shape[1]
+    steps = np.diff(scores, axis=0)[consecutive]
     within = steps.T @ steps / max(len(steps), 1)
     # regularized by its mean variance
-    ridge = np.trace(within) / len(within) or 1.0
-    last = len(within) - 1
-    _, directions = eigh(
-        scores.T @ scores, within + ridge * np.eye(len(within)), subset_by_index=(max(0, last - _DIRECTIONS + 1), last)
-    )
+    ridge = np.trace(within) / max(min(len(scores) - 1, size), 1) or 1.0
+    chosen = max(0, size - _DIRECTIONS), size - 1
+    _, axes = eigh(scores.T @ scores, within + ridge * np.eye(size), subset_by_index=chosen)
     # pyrefly: ignore[bad-index]
-    return scores @ directions[:, ::-1], axes @ directions[:, ::-1]
+    return scores @ axes[:, ::-1], axes[:, ::-1]
