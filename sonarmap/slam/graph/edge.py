@@ -58,7 +58,7 @@ class Edge:
         return self.kind not in ("odometry", "prior")
 
     def with_scale_factor(self, factor: float) -> "Edge":
-        """The edge with its whole covariance multiplied, unlike `scaled`, and that by the scans too."""
+        """The edge with its whole covariance multiplied, and that by the scans too."""
         measured, by_scans = self.registration, self.registration.covariance_by_scans
         scaled = replace(
             measured,
@@ -67,44 +67,26 @@ class Edge:
         )
         return replace(self, registration=scaled)
 
+    def scaled(self, factor: float) -> "Edge":
+        """The edge with its covariance multiplied; only the scans' part where instruments or the motion took part."""
+        measured, by_scans = self.registration, self.registration.covariance_by_scans
+        if measured.T_by_scans is None or by_scans is None:
+            return self.with_scale_factor(factor)
+        both, alone = np.linalg.inv(measured.covariance), np.linalg.inv(by_scans)
+        covariance = np.linalg.inv(alone / factor + (both - alone))
+        # relative to the scans' own estimate, the rest keeps its information vector
+        xi: np.ndarray = (measured.T_by_scans.inv() * measured.T_target_source).as_exp_coords()
+        scaled = replace(
+            measured,
+            T_target_source=measured.T_by_scans * RigidTransform.from_exp_coords(covariance @ both @ xi),
+            covariance=(covariance + covariance.T) / 2,
+            covariance_by_scans=factor * by_scans,
+        )
+        return replace(self, registration=scaled)
+
     @property
     def name(self) -> str:
         return f"edge {self.i} -> {self.j}"
-
-
-def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
-    """The edges with their covariances multiplied by `factor`.
-
-    Where instruments or the usual motion took part in a registration, only the scans' part of it is scaled.
-    """
-    given = [edge.registration for edge in edges]
-    wider = [replace(registration, covariance=factor * registration.covariance) for registration in given]
-    result = [replace(edge, registration=registration) for edge, registration in zip(edges, wider, strict=True)]
-    fused = [k for k, edge in enumerate(edges) if edge.registration.T_by_scans is not None]
-    if not fused:
-        return result
-    registrations = [given[k] for k in fused]
-    both = np.linalg.inv(np.stack([registration.covariance for registration in registrations]))
-    # pyrefly: ignore[no-matching-overload]
-    by_scans = np.stack([registration.covariance_by_scans for registration in registrations])
-    alone = np.linalg.inv(by_scans)
-    covariances = np.linalg.inv(alone / factor + (both - alone))
-    covariances = (covariances + covariances.swapaxes(1, 2)) / 2
-    # relative to the scans' own estimate, the rest keeps its information vector
-    T = RigidTransform.concatenate([registration.T_by_scans for registration in registrations])
-    xi: np.ndarray = (
-        T.inv() * RigidTransform.concatenate([each.T_target_source for each in registrations])
-    ).as_exp_coords()
-    moved = T * RigidTransform.from_exp_coords(np.einsum("nab,nbc,nc->na", covariances, both, xi))
-    for n, k in enumerate(fused):
-        widened = replace(
-            registrations[n],
-            T_target_source=moved[n],
-            covariance=covariances[n],
-            covariance_by_scans=factor * by_scans[n],
-        )
-        result[k] = replace(edges[k], registration=widened)
-    return result
 
 
 def check_definite(matrix: np.ndarray, name: str) -> None:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.edge import Edge, components, scaled
+from sonarmap.slam.graph.edge import Edge, components
 from sonarmap.slam.graph.factors import edge_factors, gauge_factors, residuals_of
 from sonarmap.slam.graph.gauge import Gauge
 from sonarmap.slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_transforms, to_values
@@ -95,9 +95,8 @@ class PoseGraph:
         )
 
     def scaled(self, factor: float) -> "PoseGraph":
-        """The graph with the covariances of all registrations multiplied (`slam.graph.edge.scaled`)."""
-        registered = iter(scaled([edge for edge in self.edges if edge.is_registered], factor))
-        return replace(self, edges=tuple(next(registered) if edge.is_registered else edge for edge in self.edges))
+        """The graph with the covariances of all registrations multiplied (`Edge.scaled`)."""
+        return replace(self, edges=tuple(edge.scaled(factor) if edge.is_registered else edge for edge in self.edges))
 
     def with_scale_factors(self, factors: np.ndarray) -> "PoseGraph":
         """The graph with the covariances of its E edges multiplied by (E,) factors (`Edge.with_scale_factor`)."""

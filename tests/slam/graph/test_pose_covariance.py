@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.edge import Edge, scaled
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.marginals import marginals
 from sonarmap.slam.graph.pose_covariance import joint_covariance, pose_covariances, weighed
@@ -207,7 +207,7 @@ def test_a_step_that_the_motion_pulled_off_is_doubted_as_a_whole():
         return float(np.linalg.norm((by_scans.T_target_source.inv() * registration.T_target_source).translation))
 
     assert drawn_by(weighed_edge) < 1.0
-    assert drawn_by(scaled([edges[k]], 1000.0)[0].registration) > 3.0
+    assert drawn_by(edges[k].scaled(1000.0).registration) > 3.0
 
 
 @pytest.mark.slow

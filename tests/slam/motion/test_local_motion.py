@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.edge import Edge, scaled
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.motion.local_motion import Step, likeness, rates_by_others
 from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_unreachable
 from sonarmap.slam.pair import RegisteredPair
@@ -221,14 +221,13 @@ def test_scaling_an_edge_scales_only_the_covariance_by_scans() -> None:
         return Edge(5, 6, with_usual(registration(near, covariance)), "sequential")
 
     for factor in (0.1, 1.0, 7.0):
-        (twice,) = scaled(scaled([fused(loose)], factor / 2), 2.0)
-        told, direct = twice.registration, fused(factor * loose).registration
+        told = fused(loose).scaled(factor / 2).scaled(2.0).registration
+        direct = fused(factor * loose).registration
         np.testing.assert_allclose(told.covariance, direct.covariance, rtol=0.02, atol=1e-9)
         off: np.ndarray = (told.T_target_source.inv() * direct.T_target_source).as_exp_coords()
         assert off @ np.linalg.solve(direct.covariance, off) < 0.02**2
-    assert (
-        scaled([fused(loose)], 0.1)[0].registration.covariance[3, 3] > 0.5 * fused(loose).registration.covariance[3, 3]
-    )
+    whole, tenth = fused(loose).registration, fused(loose).scaled(0.1).registration
+    assert tenth.covariance[3, 3] > 0.5 * whole.covariance[3, 3]
 
 
 def test_retry_about_an_estimate_includes_the_covariance_of_the_expected_pose() -> None:
