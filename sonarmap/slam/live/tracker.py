@@ -19,7 +19,7 @@ from sonarmap.spectral.scan import Scan
 Register = Callable[[Scan, Scan, Candidate], RegisteredPair]
 
 LOST = 3  # consecutive scans that cannot be placed, after which the vehicle is lost
-_WINDOW = 12  # key scans from which the motion is learned
+WINDOW = 12  # last key scans, or located scans, from which the motion is learned
 # A step that is unusual, or follows a scan that could not be placed, may be a jump to a place that looks the same.
 _UNUSUAL_SIGMAS = 1.8  # from the usual motion
 _JUMP_PROBABILITY = 0.97  # from which such a step is accepted
@@ -155,7 +155,7 @@ class Tracker:
 
     def _motion(self, keys: Sequence[Scan], steps: dict[int, RegisteredPair], scan: Scan) -> Motion | None:
         """The vehicle's usual motion, learned from the last key scans."""
-        first = max(0, len(keys) - _WINDOW)
+        first = max(0, len(keys) - WINDOW)
         recent = [steps[k] for k in range(first + 1, len(keys)) if k in steps]
         pairs = [pair.renumbered({k: k - first for k in pair.scans}) for pair in recent]
         stamps = np.array([each.stamp for each in (*keys[first:], scan)], dtype=np.float64)

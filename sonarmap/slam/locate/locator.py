@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.places import PlaceIndex
 from sonarmap.slam.candidates.settings import LoopSettings
+from sonarmap.slam.live.tracker import WINDOW
 from sonarmap.slam.locate.place import Located, Place, agreed_places, lies_at
 from sonarmap.slam.locate.surveyed_map import SurveyedMap, View
 from sonarmap.slam.motion.motion import Motion
@@ -29,7 +30,6 @@ _LIKELY = 0.5  # probability from which key scans near a place are tried
 _ACCEPTED = 0.93  # probability from which a place is accepted; docs/measured has the evidence
 _MIN_PROBABILITY = 0.01  # of a place that is kept
 _PREPARED_KEYS = 32  # kept in memory
-_WINDOW = 12  # scans from which the motion is learned
 _ALLOWED_SIGMAS = 4.0  # of a measured position, within which key scans are tried
 
 
@@ -68,7 +68,7 @@ class Locator:
         for number, scan in enumerate(scans):
             follows = number > 0 and surveys[number] == surveys[number - 1] and scan.stamp > scans[number - 1].stamp
             located = self.locate(scan, before if follows else [])
-            before = [*(before if follows else [])[1 - _WINDOW :], located] if located.located else []
+            before = [*(before if follows else [])[1 - WINDOW :], located] if located.located else []
             yield located
 
     def _anywhere(self, scan: Scan, prepared: SpectralScan) -> Located:
