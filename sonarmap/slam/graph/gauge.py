@@ -75,7 +75,7 @@ class Gauge:
         Edges join poses; all components that measurements fully place in the world are one.
         """
         parts = components(len(self.T_world), self.edges)
-        motions = [self._open_motion(part) for part in parts] if self.measured else []
+        motions = [self._information.open_motion(part) for part in parts] if self.measured else []
         placed = [motion is not None and not motion.axes.size for motion in motions]
         if sum(placed) < 2:
             return parts
@@ -113,7 +113,9 @@ class Gauge:
     def open_motions(self) -> dict[int, OpenMotion]:
         """The unconstrained motions by the first pose of each partly measured component."""
         tied = self._tied if self.measured else set[int]()
-        motions = {m[0]: self._open_motion(m) for m in self.components if self.measured and tied.isdisjoint(m)}
+        motions = {
+            m[0]: self._information.open_motion(m) for m in self.components if self.measured and tied.isdisjoint(m)
+        }
         return {pose: motion for pose, motion in motions.items() if motion is not None and motion.axes.size}
 
     @property
@@ -144,9 +146,6 @@ class Gauge:
     def _tied(self) -> set[int]:
         """Poses that are fixed, or have a prior among the edges."""
         return {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed)
-
-    def _open_motion(self, members: Sequence[int]) -> OpenMotion | None:
-        return self._information.open_motion(members)
 
     @cached_property
     def _information(self) -> "MotionInformation":
