@@ -99,8 +99,3 @@ def places_at(line: PingLine, later: float) -> np.ndarray:
         beyond = np.minimum(times - stamps[0], 0) if end == 0 else np.maximum(times - stamps[-1], 0)
         between += beyond[:, None] * velocity
     return between
-
-
-def velocities(line: PingLine) -> np.ndarray:
-    """(P, 3) mean velocity of the vehicle over the second around each ping [m/s]."""
-    return places_at(line, 0.5) - places_at(line, -0.5)

@@ -84,7 +84,7 @@ def estimate_biases(
     Args:
         lines: two or more, best some in opposite directions and one across.
         cell: edge of the cells [m]; None chooses one that holds about 16 soundings of a line.
-        mounting: prior standard deviations of the biases [s, rad]; a bias is limited to twice these.
+        mounting: prior standard deviations of the biases [s, rad].
 
     Raises:
         InputError: fewer than two lines, too little overlap, or a cell or standard deviation that is not above 0.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.slam.pings.cells import Overlaps, Patches, checked_cell
+from sonarmap.slam.pings.cells import Overlaps, checked_cell
 from sonarmap.slam.pings.line import PingLine
 
 _BIN = float(np.radians(10.0))  # width of the bins by beam angle [rad]
@@ -89,9 +89,8 @@ def crossings(lines: Sequence[PingLine], cell: float | None = None) -> Crossings
         InputError: an edge that is not above 0, or None with too few soundings to choose one.
     """
     cell = checked_cell(cell, lines)
-    angles = (np.abs(line.beam_angles())[:, None] for line in lines)
-    patches = [Patches.of(line.world_points(), cell, column) for line, column in zip(lines, angles, strict=True)]
-    overlaps = Overlaps.of(patches, cell)
+    angles = [np.abs(line.beam_angles())[:, None] for line in lines]
+    overlaps = Overlaps.of([line.world_points() for line in lines], angles, cell)
     first, second = overlaps.pairs()
     differences = overlaps.heights[first] - overlaps.heights[second]
     pairs = np.column_stack([overlaps.lines[first], overlaps.lines[second]])
