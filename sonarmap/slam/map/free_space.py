@@ -67,7 +67,7 @@ def votes(point_map: PointMap, placed: PlacedScans) -> Votes:
         looked[near] += looks
         own = np.flatnonzero(point_map.scan[near] == placed.indices[k])
         ranges = np.linalg.norm(local[own], axis=1)  # in the point's own scan only its range errs
-        ranges -= _tolerance(ranges, beams.sigma(ranges), point_map.voxel)
+        ranges -= _tolerance(ranges, np.full(len(own), beams.sigma), point_map.voxel)
         behind[near[own]] = view.behind(directions[own], ranges)
     return Votes(agree, contradict, looked, behind)
 

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 from scipy.special import ndtri
-from threadpoolctl import threadpool_limits
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import lattice_origin
@@ -18,21 +17,15 @@ from sonarmap.spectral.scan import Scan
 
 _SAMPLE = 750  # beams of a scan that are compared with their neighbors
 _NEIGHBORS = 11  # of a beam, by direction
-_GROUPS = 8  # of beams by range, each with its own scatter
 _MIN_SCATTER = 0.02  # of a range [voxels], as no surface is flat
 
 
 @dataclass(frozen=True, slots=True)
 class Beams:
-    ranges: np.ndarray  # (K,) float64, ascending [m], at which `sigmas` are given
-    sigmas: np.ndarray  # (K,) float64, standard deviations of a range about the surface of its neighbors [m]
+    sigma: float  # standard deviation of a range about those of its neighbors [m]
     spacing: float  # median angle between neighboring beams [rad]
     # whether the points were seen from the origin; false for a map, or a sweep put together from several viewpoints
     single: bool
-
-    def sigma(self, ranges: np.ndarray) -> np.ndarray:
-        """(N,) float64 standard deviations of ranges (N,) [m]."""
-        return np.interp(ranges, self.ranges, self.sigmas)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,13 +95,10 @@ class PlacedScans:
         return {k: self.take(np.flatnonzero(surveys == k).tolist()) for k in numbers} if len(numbers) > 1 else {}
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # its rounding depends on the number of threads
 def beams_of(points: np.ndarray, voxel: float) -> Beams:
-    """Measure a scan's beams from a sample of them.
+    """Measure a scan's beams from a sample of them: how far a range is from the median of its neighbors'.
 
-    On a plane the inverse range is linear in the beam's direction, so a linear fit to the nearest beams leaves the
-    scatter of the ranges, however steep the plane. Fits use neither the shortest nor the longest neighbor, which may
-    be false echoes; edges and beams that are false echoes themselves do not move the median.
+    Edges and beams that are false echoes do not move the median.
 
     Args:
         points: (N, 3) float [m, sensor frame].
@@ -116,41 +106,20 @@ def beams_of(points: np.ndarray, voxel: float) -> Beams:
     """
     points = points.astype(np.float64)
     ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
-    floor = _MIN_SCATTER * voxel
+    anywhere = Beams(voxel / np.sqrt(12), 0.0, single=False)  # a point may lie anywhere in its voxel
     if len(points) <= _NEIGHBORS or not ranges.min() > 0:
-        return Beams(np.array([0.0]), np.array([max(floor, voxel / np.sqrt(12))]), 0.0, single=False)
+        return anywhere
     directions = points / ranges[:, None]
     sample = np.arange(0, len(points), -(-len(points) // _SAMPLE))
     # balancing the tree costs more than it saves in a single query
     tree = KDTree(directions, leafsize=32, compact_nodes=False, balanced_tree=False)
     angles, near = tree.query(directions[sample], _NEIGHBORS)
-    around = ranges[near]
-    off = np.abs(ranges[sample] - np.median(around, axis=1))
-    single = bool((off <= SPREAD * voxel + SLOPE * ranges[sample]).mean() >= SINGLE)
-    if not single:  # a point may lie anywhere in its voxel
-        return Beams(np.array([0.0]), np.array([voxel / np.sqrt(12)]), 0.0, single=False)
-    residual = np.abs(_residuals(directions[near], around))
-    groups = np.array_split(np.argsort(ranges[sample], kind="stable"), _GROUPS)
-    return Beams(
-        ranges=np.array([np.median(ranges[sample][group]) for group in groups]),
-        sigmas=np.maximum([np.median(residual[group]) / ndtri(0.75) for group in groups], floor),
-        spacing=float(np.median(angles[:, 1])),
-        single=True,
-    )
-
-
-def _residuals(directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """(m,) distances of the first of each (m, k) ranges from the plane fitted to the others, scaled down by the error
-    of the fit itself [m]; directions (m, k, 3)."""
-    kept = 1 + np.argsort(ranges[:, 1:], axis=1, kind="stable")[:, 1:-1]
-    around = np.take_along_axis(directions, kept[:, :, None], axis=1)
-    inverse = 1 / np.take_along_axis(ranges, kept, axis=1)
-    # beams of one row lie in a plane with the sensor, which leaves the third component free, but it has no effect
-    solver = np.linalg.pinv(np.einsum("mki,mkj->mij", around, around), hermitian=True)
-    first = directions[:, 0]
-    misfit = 1 / ranges[:, 0] - np.einsum("mi,mij,mkj,mk->m", first, solver, around, inverse, optimize=True)
-    leverage = np.einsum("mi,mij,mj->m", first, solver, first)
-    return ranges[:, 0] ** 2 * misfit / np.sqrt(1 + leverage)
+    off = np.abs(ranges[sample] - np.median(ranges[near[:, 1:]], axis=1))
+    if (off <= SPREAD * voxel + SLOPE * ranges[sample]).mean() < SINGLE:
+        return anywhere
+    of_difference = np.sqrt(1 + np.pi / 2 / (_NEIGHBORS - 1))  # the median of the others errs too
+    sigma = max(float(np.median(off)) / ndtri(0.75) / of_difference, _MIN_SCATTER * voxel)
+    return Beams(sigma, float(np.median(angles[:, 1])), single=True)
 
 
 def pose_variance(points: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -133,7 +133,7 @@ def _thinned(placed: PlacedScans, k: int, origin: np.ndarray) -> _Cells:
     mean = np.stack([np.bincount(cell, local[:, axis], size) for axis in range(3)], axis=1) / count[:, None]
     by_pose = pose_variance(mean, placed.covariances[k])
     # the scatter is along the beam: its mean over the three coordinates is a third
-    by_scatter = placed.beams[k].sigma(np.linalg.norm(mean, axis=1)) ** 2 / (3 * count)
+    by_scatter = placed.beams[k].sigma ** 2 / (3 * count)
     weight = 1 / (by_pose + by_scatter)
     return _Cells(
         key=key,

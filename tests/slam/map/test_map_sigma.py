@@ -20,7 +20,7 @@ VOXEL, SPOTS, HITS, DRAWS = 2.0, 40, 6, 400
 
 def with_noise(placed: PlacedScans, sigma: float) -> PlacedScans:
     """The scans with this range noise [m]."""
-    beams = Beams(np.array([0.0]), np.array([sigma]), 0.01, single=True)
+    beams = Beams(sigma, 0.01, single=True)
     return replace(placed, beams=(beams,) * len(placed.scans))
 
 
@@ -108,7 +108,7 @@ def test_range_noise_is_estimated_from_a_scan() -> None:
     scans = [look(pose, np.random.default_rng(seed), sigma, wild=0.02) for seed in range(6)]
     found = [beams_of(scan.points, 0.25) for scan in scans]
     assert all(beams.single for beams in found)
-    sigmas = [np.median(beams.sigmas) for beams in found]
+    sigmas = [beams.sigma for beams in found]
     np.testing.assert_allclose(np.median(sigmas), sigma, rtol=0.15)  # wild echoes widen it by a tenth
     np.testing.assert_allclose(sigmas, sigma, rtol=0.3)
     spacing = [np.degrees(beams.spacing) for beams in found]
@@ -124,7 +124,7 @@ def test_refuses_surveys_of_another_length() -> None:
 def test_a_scan_of_few_points_is_no_single_view() -> None:
     found = beams_of(np.array([[1.0, 2, 3], [0, 0, 0]]), VOXEL)
     assert not found.single
-    np.testing.assert_allclose(found.sigma(np.array([3.7])), VOXEL / np.sqrt(12))
+    assert found.sigma == VOXEL / np.sqrt(12)
 
 
 def test_pose_variance_is_a_third_of_the_trace() -> None:
