@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse import csr_array, hstack
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.biases import NAMES, Biases, corrected
 from sonarmap.slam.pings.cells import Overlaps, members
 from sonarmap.slam.pings.line import PingLine
@@ -36,6 +37,8 @@ def fit(lines: Sequence[PingLine], cell: float, mounting: Biases) -> tuple[np.nd
     at_knots = [(line.stamps - line.stamps[0]) / seconds for line in lines]
     for width in _WIDTHS:
         overlaps = _overlaps(lines, at_knots, solution, width * cell, mounting)
+        if not len(overlaps.cells):
+            raise InputError(f"{len(lines)} lines overlap only as recorded, not with errors of navigation removed")
         change, covariance = _step(overlaps, len(lines), solution, assumed)
         solution = solution + change
     return solution[:BIASES], covariance, _errors(at_knots, solution)

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import PingLine
 
 NAMES = ("latency", "roll", "pitch", "heading")
-_STEADY = 2.0  # duration over which the velocity is averaged that extrapolates a line [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,19 +83,8 @@ def corrected(line: PingLine, biases: Biases) -> PingLine:
 
 
 def places_at(line: PingLine, later: float) -> np.ndarray:
-    """(P, 3) places of the vehicle `later` [s] after each ping [m]; negative is before.
-
-    Interpolation is linear; beyond the ends, the line goes on at the mean velocity of its last or first two seconds.
-    """
-    stamps, places = line.stamps, line.places
-    times = stamps + later
-    between = np.column_stack([np.interp(times, stamps, axis) for axis in places.T])
-    span = min(_STEADY, stamps[-1] - stamps[0])
-    if span <= 0:
-        return between
-    for end, beside in ((0, stamps[0] + span), (-1, stamps[-1] - span)):
-        near = np.array([np.interp(beside, stamps, axis) for axis in places.T])
-        velocity = (places[end] - near) / (stamps[end] - beside)
-        beyond = np.minimum(times - stamps[0], 0) if end == 0 else np.maximum(times - stamps[-1], 0)
-        between += beyond[:, None] * velocity
-    return between
+    """(P, 3) places of the vehicle `later` [s] after each ping [m]; negative is before. Linear, also beyond the ends."""
+    stamps, first = np.unique(line.stamps, return_index=True)
+    if len(stamps) == 1:
+        return line.places
+    return make_interp_spline(stamps, line.places[first], k=1)(line.stamps + later)
