@@ -83,7 +83,7 @@ def corrected(line: PingLine, biases: Biases) -> PingLine:
 
 
 def places_at(line: PingLine, later: float) -> np.ndarray:
-    """(P, 3) places of the vehicle `later` [s] after each ping [m]; negative is before. Linear, also beyond the ends."""
+    """(P, 3) places of the vehicle `later` [s] after each ping, or before [m]; linear, also beyond the ends."""
     stamps, first = np.unique(line.stamps, return_index=True)
     if len(stamps) == 1:
         return line.places
