@@ -127,7 +127,7 @@ def _residuals(overlaps: Overlaps, of_cells: csr_array) -> tuple[np.ndarray, np.
         return means[overlaps.cells] - overlaps.heights
 
     weights = 1 / overlaps.variances
-    cells, patches = of_cells.shape
+    cells, patches = len(overlaps.centers), len(overlaps.cells)
     squares = weights * departures(weights) ** 2
     scale = np.median(squares) / chi_squared(0.5, 1) * patches / (patches - cells)
     weights *= (1 + 1 / _DEGREES_OF_FREEDOM) / (1 + squares / scale / _DEGREES_OF_FREEDOM) / scale
