@@ -15,7 +15,6 @@ from sonarmap.slam.decide.verdict import with_contradictions
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.map.cell import outline
-from sonarmap.slam.motion.likely_steps import with_likely_steps
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
@@ -129,7 +128,7 @@ class PairSearch:
         pairs = self._retried(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
-        return with_likely_steps(self._with_motion(pairs), self._motion)
+        return self._with_motion(pairs)
 
     def bridges(self, steps: Sequence[RegisteredPair], widest: int) -> list[RegisteredPair]:
         """Pairs across gaps, the closest scans first and at most `widest` apart; none farther once a gap is bridged."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.motion.likely_steps import with_likely_steps
 from sonarmap.slam.motion.limits import NO_LIMITS, MotionLimits
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.reconsider import is_doubtful, with_both, with_motion, without_unreachable
@@ -147,7 +146,7 @@ class Tracker:
         if self.looks_again and is_doubtful(pair, motion):
             again = self.register(keys[last], scan, replace(step, expected=motion.expected(*pair.scans)))
             pair = with_both(pair, again.renumbered(number), motion)
-        pair = with_likely_steps(with_motion([without_unreachable(pair, motion)], motion), None)[0]
+        (pair,) = with_motion([without_unreachable(pair, motion)], motion)
         registration = pair.registration
         if registration is not None and registration.accepted and not self._is_credible(pair, registration, motion):
             pair = replace(pair, registration=replace(registration, accepted=False))

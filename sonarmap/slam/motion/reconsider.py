@@ -81,6 +81,7 @@ def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.n
 def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:
     """The pairs with hypotheses combined with the motion, which constrains directions that the scans do not.
 
+    A consecutive pair that was refused only for such a direction is then accepted: along a wall there may be no others.
     Hypotheses that contradict the motion even when combined with it stay unchanged.
     """
     hypotheses = [[] if p.registration is None else [p.registration, *p.registration.alternatives] for p in pairs]
@@ -92,11 +93,20 @@ def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[Regi
         fused = _fused(chosen, [expected[n] for n, _ in places], [lengths[n] for n, _ in places])
         for (n, rank), combined in zip(places, fused, strict=True):
             if not motion.contradicts(*pairs[n].scans, combined.T_target_source):
-                hypotheses[n][rank] = combined
+                is_step = rank == 0 and pairs[n].role == "sequential"
+                hypotheses[n][rank] = _constrained(combined) if is_step else combined
     return [
         replace(pair, registration=replace(own[0], alternatives=tuple(own[1:]))) if own else pair
         for pair, own in zip(pairs, hypotheses, strict=True)
     ]
+
+
+def _constrained(step: Registration) -> Registration:
+    """A step combined with the motion: accepted if its place is, though a direction was unconstrained."""
+    if step.accepted or step.is_fixed or not step.placed:
+        return step
+    reason = f"the usual motion constrains the direction that the scans do not; {step.reason}"
+    return replace(step, accepted=True, reason=reason)
 
 
 def _known_length(length: tuple[float, float] | None) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.motion.local_motion import Step, likeness, rates_by_others
 from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_unreachable
-from sonarmap.slam.pair import RegisteredPair
+from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import chain_edges, chained_graph, random_covariance, registration, ring_poses, step_pair
 from tests.slam.motion.test_motion import FLOOR, USUAL, learned, moved, steps
@@ -85,6 +85,19 @@ def test_motion_constrains_the_direction_that_scans_do_not() -> None:
     np.testing.assert_allclose(away.translation[1:], 0.0, atol=0.01)
     assert held.covariance[3, 3] == pytest.approx(EXPECTED.sigmas[3] ** 2, rel=0.3)
     np.testing.assert_allclose(np.diag(held.covariance)[[0, 1, 2, 4, 5]], 1e-8, rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("role", "place", "accepted"), [("sequential", 0.95, True), ("sequential", 0.5, False), ("loop", 0.95, False)]
+)
+def test_step_refused_for_an_unconstrained_direction_is_accepted_with_the_motion(
+    role: Role, place: float, accepted: bool
+) -> None:
+    """A survey along a wall may have no other steps."""
+    loose = TIGHT + np.diag([0, 0, 0, 9.0, 0, 0])
+    along = replace(registration(moved(USUAL), loose, accepted=False), probability=place, evidence=(("fixed", 0.1),))
+    step = with_motion([replace(pair(along), role=role)], MOTION)[0]
+    assert step.accepted == accepted
 
 
 def test_motion_hardly_changes_a_certain_registration() -> None:

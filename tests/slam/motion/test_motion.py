@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.motion.likely_steps import with_likely_steps
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
@@ -176,42 +175,6 @@ def test_bad_odometry_is_refused() -> None:
             Odometry(np.arange(count), POSES[:5], TIMES[:5], drift=drift)
 
 
-def possible(probability: float, off: np.ndarray, fixed: float = 1.0) -> RegisteredPair:
-    """A refused step, off by so much, with this probability."""
-    given = step_pair(3, moved(USUAL + off), COVARIANCE, accepted=False)
-    assert given.registration is not None
-    evidence = (("fixed", fixed),)
-    return replace(given, registration=replace(given.registration, probability=probability, evidence=evidence))
-
-
-@pytest.mark.parametrize("probability", [0.1, 0.3, 0.7])
-def test_only_a_likely_step_is_accepted(probability: float) -> None:
-    """Probabilities sum to less than 1."""
-    off, given = np.array([0, 0, 0, 0, 2.0, 0]), possible(probability, np.zeros(6)).registration
-    assert given is not None
-    doubtful = possible(probability, off)
-    assert doubtful.registration is not None
-    others = (replace(given, probability=0.9 * (1 - probability)),)
-    doubtful = replace(doubtful, registration=replace(doubtful.registration, alternatives=others))
-    step, _ = with_likely_steps([doubtful, possible(0.1, off)], learned(steps(20)))
-    assert step.registration is not None
-    assert step.accepted == (probability == 0.7)
-    if not step.accepted:
-        assert step.registration == doubtful.registration
-    assert step.registration.probability + step.registration.alternatives[0].probability < 1
-    loops = [replace(possible(probability, off), role="loop")]
-    assert with_likely_steps(loops, learned(steps(20))) == loops
-
-
-def test_likely_step_with_unconstrained_direction_gets_the_motions_covariance() -> None:
-    given = possible(0.8, np.zeros(6), fixed=0.1)
-    (step,) = with_likely_steps([given], learned(steps(20)))
-    assert step.registration is not None
-    assert step.accepted
-    assert step.registration.covariance.trace() > COVARIANCE.trace()
-    assert with_likely_steps([given], None) == [given]
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_scans_in_no_order_have_no_usual_motion(seed: int) -> None:
     """Nor has a vehicle that goes to and fro at random; one that stops now and then has."""
@@ -238,13 +201,6 @@ def placed(pairs: list[RegisteredPair], opens: list[int], place: float = 0.95) -
         given = registration(moved(x), covariance, accepted=False)
         result.append(replace(pair, registration=replace(given, probability=place, evidence=(("fixed", 0.1),))))
     return [pairs[0], *result[1:]]
-
-
-def test_a_step_needs_seven_tenths_to_be_accepted() -> None:
-    """Two dives may meet there."""
-    unlikely, likely = with_likely_steps([possible(p, np.zeros(6)) for p in (0.65, 0.75)], learned(steps(20)))
-    assert not unlikely.accepted
-    assert likely.accepted
 
 
 def test_rare_turns_widen_the_motion() -> None:
