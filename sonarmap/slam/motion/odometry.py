@@ -9,11 +9,10 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
-from sonarmap.slam.graph.tangent import lengths, propagated
+from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.expected import ExpectedPose
-from sonarmap.spectral.geometry import rotated
 from sonarmap.spectral.result import Registration
 
 _MIN_TURN_SIGMA = float(np.radians(0.1))  # of dead reckoning from scan to scan [rad]
@@ -22,8 +21,7 @@ _MAX_SIGMAS = 5.0  # of a registration that does not contradict it
 _STRETCH = 8  # consecutive steps over which the drift is measured
 _MIN_STRETCHES = 8  # to measure the drift
 _UNDERESTIMATED = 1.5  # ratio of measured to stated drift from which it is scaled
-_MAX_RATIO = 100.0  # of measured to stated drift
-_MEDIAN = float(np.sqrt(chi_squared(0.5, 3)))  # of the length of three numbers [sigmas]
+_MEDIAN = float(chi_squared(0.5, 3))  # of the squared length of three numbers [squared sigmas]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,27 +73,23 @@ class Odometry:
     def as_registered(self, steps: Sequence[RegisteredPair]) -> "Odometry":
         """With the drift that registrations of consecutive scans show, if it is clearly larger than stated.
 
-        The drift is scaled until, over stretches of accepted steps, the median distances between registrations and dead
-        reckoning are as their covariances predict, for both rotation and translation.
+        Over stretches of accepted steps, the squared distance between registrations and dead reckoning is that of the
+        registrations' covariance plus that of the drift times a squared factor. The median gives the factor, the larger
+        one of rotation and translation.
         """
         accepted = {step.i: step for step in steps if step.accepted and self.tells(*step.scans)}
-        differences, by_scans, by_drift = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+        ratios = []
         for k in accepted:
             if all(k + n in accepted for n in range(_STRETCH)):
                 T, covariance = _joined([accepted[k + n] for n in range(_STRETCH)])
                 measured, sigmas = self._between(*np.searchsorted(self.scans, [k, k + _STRETCH]).tolist())
-                differences.append((T.inv() * measured).as_exp_coords())
-                by_scans.append(covariance)
-                by_drift.append(rotated(T.rotation.inv(), np.diag(sigmas**2)))
-        if len(differences) < _MIN_STRETCHES:
+                squared: np.ndarray = (T.inv() * measured).as_exp_coords() ** 2
+                by_drift = squared.reshape(2, 3).sum(axis=1) / _MEDIAN - np.diag(covariance).reshape(2, 3).mean(axis=1)
+                ratios.append(by_drift / sigmas[[0, 3]] ** 2)
+        if len(ratios) < _MIN_STRETCHES:
             return self
-        xi, scan_covariances, drift_covariances = np.stack(differences), np.stack(by_scans), np.stack(by_drift)
-        for factor in np.geomspace(1.0, _MAX_RATIO, 93).tolist():  # each is 5 % more than the one before
-            covariance = scan_covariances + factor**2 * drift_covariances
-            parts = [lengths(xi[:, part], covariance[:, part, part]) for part in (slice(0, 3), slice(3, 6))]
-            if np.median(parts, axis=1).max() <= _MEDIAN:
-                return self.scaled(factor) if factor >= _UNDERESTIMATED else self
-        return self.scaled(_MAX_RATIO)
+        squared_factor = float(np.median(ratios, axis=0).max())
+        return self.scaled(squared_factor**0.5) if squared_factor >= _UNDERESTIMATED**2 else self
 
     def expected(self, i: int, j: int, floor: np.ndarray) -> ExpectedPose:
         """The expected T_i_j; its error keeps its direction, and grows with the distance.
@@ -109,11 +103,7 @@ class Odometry:
 
     def contradicts(self, i: int, j: int, T_i_j: RigidTransform, floor: np.ndarray) -> bool:
         """Whether a registration is farther from it than its error and the floor allow."""
-        expected = self.expected(i, j, floor)
-        away = expected.T_target_source
-        turn = (away.rotation.inv() * T_i_j.rotation).magnitude() / expected.sigmas[:3].max()
-        way = np.linalg.norm(away.translation - T_i_j.translation) / expected.sigmas[3:].max()
-        return bool(max(turn, way) > _MAX_SIGMAS)
+        return self.expected(i, j, floor).distance(T_i_j) > _MAX_SIGMAS
 
     def edges(self, surveys: np.ndarray) -> list[Edge]:
         """Its steps as edges of a graph, within each survey.
