@@ -59,7 +59,9 @@ def robust_optimize(graph: PoseGraph, trust_chain: bool = True) -> RobustSolutio
             of similar shape may agree with each other.
     """
     edges, bound = graph.edges, chi_squared(PROBABILITY, 6)
-    fixed = np.array([not e.is_registered or e.by_hand or (trust_chain and e.kind == "sequential") for e in edges], bool)
+    fixed = np.array(
+        [not e.is_registered or e.by_hand or (trust_chain and e.kind == "sequential") for e in edges], bool
+    )
     graph = graph.placed_at(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, fixed)
     tried = active.astype(int)
