@@ -11,7 +11,7 @@ from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.other_place import other_places
-from sonarmap.slam.decide.verdict import with_contradictions
+from sonarmap.slam.decide.verdict import CONTRADICTED, with_contradictions
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.map.cell import outline
@@ -106,6 +106,8 @@ class PairSearch:
         if self.measurements.ties or self.measurements.control:
             tied = self._decide(self.tied(pairs), self.measurements)
             decision = replace(tied, pairs=tuple(with_contradictions(tied.pairs, decision.solution)))
+        if any(pair.contradicted > CONTRADICTED for pair in decision.pairs):
+            return decision  # a wrong tie displaces scans, and is reported itself
         places = other_places(decision.solution.graph, decision.pairs, self._floor, loops.bound)
         return replace(decision, other_places=places)
 
