@@ -15,8 +15,13 @@ from sonarmap.spectral.scan import Scan
 def fused(
     decision: Decision, scans: Sequence[Scan], surveys: np.ndarray, voxel: float, map_voxel: float, min_seen: int
 ) -> SurveyResult:
-    """The maps of all components, and what else the decision says; `surveys` (N,) are the numbers of the surveys,
-    `map_voxel` [m] and `min_seen` as of `MapperSettings`."""
+    """The result of a survey, with the maps of all components.
+
+    Args:
+        scans, surveys: N, and (N,) the number of each one's survey.
+        voxel, map_voxel: edges of the survey's and the maps' voxels [m].
+        min_seen: points that fewer scans saw are left out where others contradict them.
+    """
     solution, covariances = decision.solution, pose_covariances(decision.solution)
     trajectory, components = solution.trajectory, solution.graph.components
     parts: list[ComponentMaps] = []

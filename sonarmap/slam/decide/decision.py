@@ -42,7 +42,7 @@ class Decision:
     fixes: JudgedFixes = field(default_factory=lambda: JudgedFixes({}))  # accepted measurements of instruments
     wrong_control: tuple[WrongControl, ...] = ()  # control points that were left out, as all others contradict them
     drifts: float = 1.0  # ratio of the actual to the stated drift of dead reckoning
-    other_places: tuple[OtherPlace, ...] = ()  # of parts that other pairs place elsewhere
+    other_places: tuple[OtherPlace, ...] = ()  # parts of the map that other pairs place elsewhere
     interpolated: tuple[int, ...] = ()  # scans of a stream without a usable registration
 
     @property
@@ -59,7 +59,9 @@ class Decision:
             pair if scans.isdisjoint(pair.scans) else replace(pair, edge=None, reason="refused: a scan is faulty")
             for pair in self.pairs
         )
-        return replace(self, solution=_settled(replace(graph, edges=edges, priors=priors)), pairs=tuple(pairs))
+        solution = _settled(replace(graph, edges=edges, priors=priors))
+        places = tuple(place for place in self.other_places if scans.isdisjoint(place.scans))
+        return replace(self, solution=solution, pairs=tuple(pairs), other_places=places)
 
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
         """Where the poses place the control points, check points included."""

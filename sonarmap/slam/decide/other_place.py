@@ -42,7 +42,8 @@ def other_places(graph: PoseGraph, pairs: Sequence[Pair], floor: np.ndarray, bou
     Args:
         graph: of the kept edges.
         pairs: with their verdicts.
-        floor, bound: as of `compare`.
+        floor: (6,) standard deviations added in quadrature to those of every hypothesis [rad, m].
+        bound: largest distance of two hypotheses that agree [sigmas].
     """
     sought = {pair.scans for pair in pairs if pair.expected is not None}
     kept = [PossibleEdge(e.i, e.j, e.registration, expected=(e.i, e.j) in sought) for e in graph.edges if e.is_of_pair]

@@ -42,7 +42,7 @@ INSTRUMENTS = {
     "depth": "depths",
     "odometry": "steps of dead reckoning",
 }
-_EACH = 3  # largest number of gaps or fixes with a sentence each; more share one sentence
+_EACH = 3  # largest number of gaps, fixes or other places with a sentence each
 
 
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
@@ -79,7 +79,7 @@ def contradictions(result: SurveyResult) -> list[str]:
             f"{refused} of {sure} accepted pairs are rejected, as they contradict navigation: check it for exchanged "
             "axes, another unit and wrong times, or map without it"
         )
-    words += [_elsewhere(place, result.names) for place in result.other_places[:1]]
+    words += [_elsewhere(place, result.names) for place in result.other_places[:_EACH]]
     return words if result.scaled is None else [*words, _scaled(result.scaled, result.names)]
 
 
