@@ -144,6 +144,24 @@ def test_two_gaps_are_reported_singly_and_four_together() -> None:
     assert many.startswith("4 gaps between consecutive scans")
 
 
+@pytest.mark.slow
+def test_a_gap_between_measured_positions_is_no_fault() -> None:
+    """Neighboring lines of swaths rarely overlap all along; positions place both of their ends. But positions that
+    contradict a registration are a fault."""
+    survey = refusing({(1, 2), (4, 5)})
+    sigmas = np.array([np.inf, np.inf, np.inf, 0.5, 0.5, np.inf])
+    graph, T = survey.solution.graph, survey.trajectory.T_world_sensor
+    measured = replace(graph, priors=tuple((k, PosePrior(T[k], sigmas)) for k in (1, 2, 4)))
+    placed = replace(survey, solution=replace(survey.solution, graph=measured))
+    (gap,) = faults(placed, NAMES)
+    assert gap.startswith("gap between scan4 and scan5")
+    step = next(pair for pair in placed.pairs if pair.scans == (1, 2))
+    assert step.registration is not None
+    contradicted = replace(step, registration=replace(step.registration, accepted=True), reason="20 sigmas off")
+    pairs = [contradicted if pair is step else pair for pair in placed.pairs]
+    assert "gap between scan1 and scan2" in faults(replace(placed, pairs=tuple(pairs)), NAMES)[0]
+
+
 LONG = "scan_008 - scan_009: accepted: it is right with a probability of 99.6 %: " + "the views agree and so on; " * 8
 COUNTING = f"""
 import time

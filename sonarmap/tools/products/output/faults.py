@@ -195,16 +195,18 @@ def _of_scans(
 
 
 def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str]) -> Iterator[str]:
-    """Sentences about consecutive pairs that were not kept; gaps that nothing bridges come first."""
+    """Sentences about consecutive pairs that were not kept, except scans that do not match but lie at measured positions;
+    gaps that nothing bridges come first."""
     shared, joined = (
         {scan: c for c, members in enumerate(parts) for scan in members}
         for parts in (result.components, components(len(names), result.edges))
     )
     gaps: dict[str, list[Pair]] = {"": [], ", bridged by navigation": [], _CHAINS: [], _BRIDGED: []}
     in_chains = {k for pair in result.pairs if pair.role == "sequential" and pair.kept for k in pair.scans}
-    faulty = {*unusable, *(each.scan for each in result.odd)}
+    faulty, located = {*unusable, *(each.scan for each in result.odd)}, _located(result)
     for pair in result.pairs:
         explained = pair.is_defect or not faulty.isdisjoint(pair.scans)
+        explained |= not pair.accepted and located.issuperset(pair.scans)
         if pair.role == "sequential" and not pair.kept and not explained:
             bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
             if joined[pair.i] == joined[pair.j]:
@@ -219,13 +221,18 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
             yield from (f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}" for pair in pairs)
 
 
+def _located(result: SurveyResult) -> set[int]:
+    """Scans with measured positions that take part."""
+    return {pose for pose, prior in result.solution.graph.priors if prior.knows_position}
+
+
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     """A sentence about uncertain steps, such as where a vehicle was moved between two scans; not about those between
     measured positions, which would show that."""
     kept = {pair.scans for pair in result.pairs if pair.role == "sequential" and pair.edge is not None}
-    located = {pose for pose, prior in result.solution.graph.priors if prior.knows_position}
     trusted = [pair for pair in result.pairs if pair.kept or not pair.accepted]  # what the map rejects confirms nothing
     unsure = [step for step in unconfirmed_steps(trusted) if step.pair.scans in kept]
+    located = _located(result)
     unsure = [step for step in unsure if not located.issuperset(step.pair.scans)]
     right = math.prod(step.pair.registration.probability for step in unsure if step.pair.registration)
     if right < _SURE or any(step.refused for step in unsure):
