@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.free_pairs import errors_shown, register_freely
@@ -57,6 +58,15 @@ class Truthful:
         self.registered.append((target, source))
         T: RigidTransform = TRUTH[target].inv() * TRUTH[source]
         return Registration(T, TIGHT, psr=9.0, overlap=0.8, accepted=source != 20, seconds=0.0, reason="")
+
+
+def test_kinds_that_say_nothing_do_not_bound_the_search() -> None:
+    """Attitudes in radians, read as degrees, are 10 or more of their sigmas off."""
+    scans = tuple(Scan(np.ones((1, 3), np.float32), prior=prior) for prior in priors([1] * 6).values())
+    measurements = Measurements(scans, np.zeros(COUNT, int))
+    scaled = measurements.searched({"attitude": 12.0, "heading": 4.0})[5].prior
+    assert scaled is not None
+    np.testing.assert_allclose(scaled.sigmas, [np.inf, np.inf, 0.2, np.inf, np.inf, 0.2])
 
 
 def test_few_pairs_are_registered_and_only_with_priors_within_a_survey() -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sonarmap.slam.decide.wrong_measurements import KINDS, without_kinds
+from sonarmap.slam.decide.wrong_measurements import KINDS, NOTHING, without_kinds
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.motion.odometry import Odometry
@@ -26,10 +26,12 @@ class Measurements:
 
     def searched(self, understated: Mapping[str, float] | None = None) -> tuple[Scan, ...]:
         """The scans as they are registered: without positions, as a search that they bound could not contradict them,
-        and with larger sigmas of the `understated` kinds, by their ratio of actual to stated errors."""
+        with larger sigmas of the `understated` kinds, by their ratio of actual to stated errors, and without kinds
+        whose errors say nothing."""
+        useless = {kind for kind, ratio in (understated or {}).items() if ratio >= NOTHING}
 
         def bounding(prior: PosePrior | None) -> PosePrior | None:
-            if prior is None or (without := without_kinds(prior, {"position"})) is None:
+            if prior is None or (without := without_kinds(prior, {"position", *useless})) is None:
                 return None
             sigmas = without.sigmas.copy()
             for kind, ratio in (understated or {}).items():
