@@ -23,11 +23,17 @@ class Candidate:
     role: Role  # "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others)
     predicted_overlap: float = float("nan")  # expected before it is registered, 0..1; NaN where no estimate exists
     alike: float = float("nan")  # distance of the scans' signatures, without a unit; NaN where these were not compared
-    expected: ExpectedPose | None = None  # by the motion, as a bound on the registration; None without
+    expected: ExpectedPose | None = None  # as a bound on the registration; None without
 
     @property
     def scans(self) -> tuple[int, int]:
         return self.i, self.j
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether it is registered only where the motion or an estimate expects it; one that is wrong misleads many
+        pairs. Instruments that measured both scans mislead the pairs of these alone."""
+        return self.expected is not None and not self.expected.by_instruments
 
     def renumbered(self, number: Mapping[int, int]) -> Self:
         """The pair with other numbers for its scans."""

@@ -21,6 +21,8 @@ class ExpectedPose:
 
     T_target_source: RigidTransform
     covariance: np.ndarray  # (6, 6), rotation first [rad, m], body tangent of the source, as a `Registration`'s
+    # whether instruments measured the poses of both scans, so that the expectation is evidence for the place, too
+    by_instruments: bool = False
 
     def __post_init__(self) -> None:
         if self.covariance.shape != (6, 6) or not np.isfinite(self.covariance).all():
@@ -29,12 +31,14 @@ class ExpectedPose:
             raise InputError("the covariance of an expected pose is not positive definite")
 
     @classmethod
-    def of(cls, T_target_source: RigidTransform, covariance: np.ndarray) -> "ExpectedPose":
+    def of(
+        cls, T_target_source: RigidTransform, covariance: np.ndarray, by_instruments: bool = False
+    ) -> "ExpectedPose":
         """Rounded, so that what a journal holds is found again though a last bit has changed."""
         turn, shift = T_target_source.rotation.as_rotvec(), T_target_source.translation
         R = Rotation.from_rotvec(np.round(turn, _POSE_DIGITS))
         T = RigidTransform.from_components(np.round(shift, _POSE_DIGITS), R)
-        return cls(T, np.round(covariance, _COVARIANCE_DIGITS) + _EXACT**2 * np.eye(6))
+        return cls(T, np.round(covariance, _COVARIANCE_DIGITS) + _EXACT**2 * np.eye(6), by_instruments)
 
     @classmethod
     def along_target(cls, T_target_source: RigidTransform, sigmas: np.ndarray) -> "ExpectedPose":

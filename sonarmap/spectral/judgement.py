@@ -146,6 +146,13 @@ def place_probabilities(hypotheses: Sequence[Hypothesis], given: Clues) -> list[
     return (clear * shares(hypotheses)).tolist()
 
 
+def _with_odds(probabilities: Sequence[float], odds: Sequence[float]) -> list[float]:
+    """Probabilities of distinct hypotheses after further evidence that multiplies their odds against all being wrong,
+    by Bayes' rule."""
+    weights = np.multiply(probabilities, odds)
+    return (weights / (weights.sum() + 1 - np.sum(probabilities))).tolist()
+
+
 def shares(hypotheses: Sequence[Hypothesis]) -> np.ndarray:
     """(n,) share of each hypothesis in the total probability, by the scores alone."""
     scores = np.array([hypothesis.score for hypothesis in hypotheses])
@@ -200,6 +207,7 @@ def conclude(
     search = pair.bounds.search(pair.grid.extent)
     covariance = _covariance(pair, hypotheses[0], seen)
     kept, probabilities, given = judge(hypotheses, T, covariance.posterior, seen, pair.grid, search)
+    probabilities = _with_odds(probabilities, [pair.bounds.odds_of_place(T[n], voxel) for n in kept])
     best = _registration(pair, hypotheses[0], covariance, probabilities[0], least, voxel)
     others = [
         _registration(pair, hypotheses[n], _covariance(pair, hypotheses[n]), probability, least, voxel)

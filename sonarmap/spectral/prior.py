@@ -68,6 +68,11 @@ class RelativePrior:
         """Whether `residuals` has any component."""
         return bool(self._known(self.source if self._is_backward else self.target).any())
 
+    @property
+    def is_complete(self) -> bool:
+        """Whether all six components are measured."""
+        return bool(self._known(self.source if self._is_backward else self.target).all())
+
     def normalized(self, T_target_source: RigidTransform) -> tuple[float, int]:
         """Chi-squared of a relative pose's `residuals`, and its degrees of freedom; (0.0, 0) without any."""
         one = RigidTransform.concatenate([T_target_source])

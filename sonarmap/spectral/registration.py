@@ -187,7 +187,8 @@ class SpectralRegistrar(GridRegistrar):
         """
         ours, theirs = expected.priors(target.prior, source.prior)
         target, source = replace(target, prior=ours), replace(source, prior=theirs)
-        return self._register(target, source, replace(self._bounds(target, source), max_tilt=np.pi))
+        bounds = self._bounds(target, source)
+        return self._register(target, source, replace(bounds, max_tilt=np.pi, by_instruments=expected.by_instruments))
 
     @staticmethod
     def signature(prepared: SpectralScan) -> np.ndarray:

@@ -9,13 +9,19 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.candidates.settings import LoopSettings
+from sonarmap.slam.decide.decision import decide
+from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.motion.limits import MotionLimits
+from sonarmap.slam.motion.reconsider import expected_by
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
+from sonarmap.spectral.scan import PosePrior
+from tests.samples.relative_priors import unexact
+from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of, step_pair
 
 VOXEL = 0.2
 COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)
@@ -127,3 +133,25 @@ def test_settling_scans_ends_the_loops_among_them() -> None:
     assert any(max(pair.scans) < COUNT // 2 for pair in loops[0])
     assert loops[1]
     assert not any(max(pair.scans) < COUNT // 2 for pair in loops[1])
+
+
+def test_an_expected_pose_is_as_certain_as_the_instruments_of_both_scans() -> None:
+    """An estimate's covariance counts three times, that of instruments once, with correlations of turn and shift."""
+    sigmas = np.array([0.01, 0.01, 0.02, 0.8, 0.8, 0.1])
+    scans = [replace(scan, prior=PosePrior(T, sigmas)) for scan, T in zip(scans_of(POSES), POSES, strict=True)]
+    step = step_pair(0, POSES[0].inv() * POSES[1], COVARIANCE)
+    solution = decide([step], Measurements(tuple(scans), np.zeros(COUNT, int)), VOXEL, LoopSettings()).solution
+    measured, floor = RegisteredPair(2, 9, "loop"), np.zeros(6)
+    (expected,) = expected_by(solution, [measured], floor)
+    assert expected.by_instruments
+    # by many draws of both scans' errors
+    rng = np.random.default_rng(4)
+    ends = [solution.trajectory.T_world_sensor[k] for k in measured.scans]
+    drawn = [[unexact(T, rng, sigmas).T_world_sensor for _ in range(4000)] for T in ends]
+    off = [(expected.T_target_source.inv() * (a.inv() * b)).as_exp_coords() for a, b in zip(*drawn, strict=True)]
+    np.testing.assert_allclose(np.cov(np.transpose(off)), expected.covariance, atol=0.05 * expected.covariance.max())
+    without = {k: prior for k, prior in solution.graph.priors if k != 9}
+    alone = replace(solution, graph=replace(solution.graph, priors=tuple(without.items())))
+    (unsure,) = expected_by(alone, [measured], floor)
+    assert not unsure.by_instruments
+    assert np.trace(unsure.covariance) > np.trace(expected.covariance)

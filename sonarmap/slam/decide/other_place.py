@@ -45,7 +45,7 @@ def other_places(graph: PoseGraph, pairs: Sequence[Pair], floor: np.ndarray, bou
         floor: (6,) standard deviations added in quadrature to those of every hypothesis [rad, m].
         bound: largest distance of two hypotheses that agree [sigmas].
     """
-    sought = {pair.scans for pair in pairs if pair.expected is not None}
+    sought = {pair.scans for pair in pairs if pair.is_sought}
     kept = [PossibleEdge(e.i, e.j, e.registration, expected=(e.i, e.j) in sought) for e in graph.edges if e.is_of_pair]
     hypotheses = [edge for pair in pairs for edge in possible_edges(pair) if not edge.fault]
     comparison = compare(chain_parts(len(graph.trajectory), graph.edges), hypotheses, floor, bound)

@@ -137,7 +137,7 @@ def possible_edges(pair: RegisteredPair) -> list[PossibleEdge]:
         return []
     hypotheses: Sequence[Registration] = (pair.registration, *pair.registration.alternatives)
     possible = [
-        PossibleEdge(pair.i, pair.j, each, rank, pair.role != "loop", pair.expected is not None)
+        PossibleEdge(pair.i, pair.j, each, rank, pair.role != "loop", pair.is_sought)
         for rank, each in enumerate(hypotheses)
     ]
     return [edge for edge in possible if edge.counts or edge.placed]

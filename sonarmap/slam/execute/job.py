@@ -59,7 +59,7 @@ def job_key(job: Job, method: str) -> str:
     if expected is not None:
         T = expected.T_target_source
         numbers = np.concatenate([T.rotation.as_quat(), T.translation, expected.covariance.ravel()])
-        kind = f"pair expected at {numbers.tolist()}"
+        kind = f"pair {'measured' if expected.by_instruments else 'expected'} at {numbers.tolist()}"
     return hashlib.sha256("\0".join([kind, method, *(scan.content for scan in _scans_of(job))]).encode()).hexdigest()
 
 

@@ -7,7 +7,9 @@ from math import exp
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.graph.known_pose import known_poses
 from sonarmap.slam.graph.pose_graph import Solution
+from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.motion.measured_motion import AnyMotion
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
@@ -15,6 +17,7 @@ from sonarmap.spectral.geometry import rotated
 from sonarmap.spectral.result import Registration
 
 _VARIANCE_FACTOR = 3.0  # of an expected pose over the marginal in the estimate (`slam.graph.pose_covariance`)
+_ALL = 6  # directions of a pose that instruments measure, if all
 _CONTRADICTED = 0.1  # factor of the probability of a hypothesis that the motion contradicts: vehicles do jump
 _MIN_DISTANCE = 2.0  # that constrains the direction of motion [standard deviations]; at rest there is none
 _ROUNDS = 5  # of updating the direction of motion
@@ -72,10 +75,19 @@ def without_unreachable(pair: RegisteredPair, motion: AnyMotion) -> RegisteredPa
 
 
 def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.ndarray) -> list[ExpectedPose]:
-    """Poses that an estimate expects of pairs within a component; `floor` (6,) is added to their sigmas [rad, m]."""
+    """Poses that an estimate expects of pairs within a component, at least as certain as instruments alone measured
+    them; `floor` (6,) is added to their sigmas [rad, m]."""
     T, covariances = solution.relatives(np.array([pair.scans for pair in pairs], np.intp).reshape(-1, 2))
-    wider = _VARIANCE_FACTOR * covariances + np.diag(floor**2)
-    return [ExpectedPose.of(T_i_j, covariance) for T_i_j, covariance in zip(T, wider, strict=True)]
+    known = {each.pose: each for each in known_poses(dict(solution.graph.priors), solution.trajectory.T_world_sensor)}
+    expected: list[ExpectedPose] = []
+    for pair, T_i_j, covariance in zip(pairs, T, _VARIANCE_FACTOR * covariances, strict=True):
+        ends = [known[k] for k in pair.scans if k in known and known[k].rank == _ALL]
+        if len(ends) == 2:
+            first, second = (np.linalg.inv(each.information) for each in ends)
+            measured = propagated(T_i_j.inv(), first) + second
+            covariance = min(covariance, measured, key=lambda each: np.trace(each[3:, 3:]))
+        expected.append(ExpectedPose.of(T_i_j, covariance + np.diag(floor**2), len(ends) == 2))
+    return expected
 
 
 def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:

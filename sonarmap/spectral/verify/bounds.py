@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.special import ndtr
 
 from sonarmap.spectral.geometry import cross_matrices, tilt_allowed, tilt_refusal
 from sonarmap.spectral.grid import Grid
@@ -33,6 +34,10 @@ def _ring(radius: float, begin: float) -> np.ndarray:
 # Tilts to correlate at each turn [standard deviations]
 _TILTS = np.vstack([np.zeros((1, 2)), _ring(1.0, 0.0), _ring(2.0, np.pi / 6)])
 _CONTRADICTION = 4.0  # standard deviations from which scans contradict instruments
+# Largest errors of a right place.
+NEAR_TURN = float(np.deg2rad(12.0))  # [rad]
+NEAR_SHIFT = 8.0  # [voxels]
+_RIGHT = 0.95  # probability that both scans' instruments are right within their sigmas
 _KNOWN_TILT = -2.5  # log10 of the share of all tilts that a tilt known to a few degrees leaves
 # Tolerances for poses before the refinement.
 _ROTATION_SLACK = float(np.deg2rad(6.0))  # of rotations from the correlation [rad]
@@ -46,6 +51,8 @@ class Bounds:
     max_tilt: float  # largest roll and pitch [rad]; pi for none
     prior: RelativePrior | None  # of the scans' priors, or None
     voxel: float  # half of the coarse grid's, the unit of the tolerance of shifts [m]
+    # whether instruments measured the prior, so that it is evidence for the place of a pose, too
+    by_instruments: bool = True
 
     @property
     def measured(self) -> Rotation | None:
@@ -79,6 +86,19 @@ class Bounds:
         share = _KNOWN_TILT + float(np.log10(prior.turn_reach / np.pi)) if prior.knows_tilt else 0.0
         reach = prior.shift_reach + _SHIFT_SLACK * self.voxel
         return share + float(np.log10(np.minimum(reach / extent, 1.0)).sum())
+
+    def odds_of_place(self, T_target_source: RigidTransform, voxel: float) -> float:
+        """Odds by the instruments alone that a pose is at the right place; at least 1, which wide bounds give: of the
+        pairs that the probability was fitted to, about half were right. The voxel is in meters."""
+        prior = self.prior if self.by_instruments else None
+        if prior is None or not prior.is_complete:
+            return 1.0
+        T = RigidTransform.concatenate([T_target_source])
+        off = prior.residuals(T)[0]
+        sigmas = np.sqrt(np.diagonal(prior.residual_covariance(T)[0]))
+        near = np.repeat([NEAR_TURN, NEAR_SHIFT * voxel], 3)
+        share = _RIGHT * float(np.prod(ndtr((off + near) / sigmas) - ndtr((off - near) / sigmas)))
+        return max(share / (1 - share), 1.0)
 
     def allow_rotations(self, R_target_source: Rotation) -> np.ndarray:
         """(n,) bool, which of n rotations are allowed."""

@@ -1,8 +1,11 @@
 """The sweep of rotations with measured attitudes, and the box of shifts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import norm
 
 from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.verify.bounds import Bounds
@@ -121,3 +124,40 @@ class TestShiftBox:
         assert box is not None
         np.testing.assert_array_equal(box[0], measured[0])
         np.testing.assert_allclose(box[1] - measured[1], 6 * voxel)
+
+
+class TestOddsOfPlace:
+    def test_they_are_those_of_the_normal_distribution_about_the_measured_pose(self) -> None:
+        """The source is 20 m from the target; only East and North are unsure."""
+        sigmas = np.array([1e-4, 1e-4, 1e-4, 1.2, 1.8, 0.1])
+        relative, both = pair(*ALL, sigmas=sigmas), np.sqrt(2) * sigmas[3:5]
+        away = T_TARGET.rotation.inv().apply([1.5, -2.5, 0.0])
+        T = RigidTransform.from_components(T_TRUE.translation + away, T_TRUE.rotation)
+        east, north = (
+            norm.cdf((off + 4.0) / s) - norm.cdf((off - 4.0) / s) for off, s in zip((1.5, -2.5), both, strict=True)
+        )
+        share = 0.95 * east * north
+        assert bounds(relative).odds_of_place(T, 0.5) == pytest.approx(share / (1 - share), rel=1e-3)
+
+    def test_sure_instruments_are_still_wrong_in_one_of_twenty(self) -> None:
+        assert bounds(pair(*ALL, sigmas=np.full(6, 1e-3))).odds_of_place(T_TRUE, 0.5) == pytest.approx(19.0)
+
+    def test_only_instruments_that_measure_all_directions_count(self) -> None:
+        sure = np.full(6, 1e-3)
+        for kinds in ((ATTITUDE, HEADING, DEPTH), (HEADING, POSITION, DEPTH)):
+            assert bounds(pair(*kinds, sigmas=sure)).odds_of_place(T_TRUE, 0.5) == 1.0
+        assert bounds(None).odds_of_place(T_TRUE, 0.5) == 1.0
+        expected = replace(bounds(pair(*ALL, sigmas=sure)), by_instruments=False)
+        assert expected.odds_of_place(T_TRUE, 0.5) == 1.0
+        # and bounds that leave many places say nothing about any
+        assert bounds(pair(*ALL, sigmas=np.full(6, 30.0))).odds_of_place(T_TRUE, 0.5) == 1.0
+
+    def test_they_depend_neither_on_the_heading_nor_on_which_scan_is_the_target(self) -> None:
+        sigmas = np.array([0.02, 0.02, 0.03, 2.5, 2.5, 0.2])
+        expected = bounds(pair(*ALL, sigmas=sigmas)).odds_of_place(T_TRUE, 0.5)
+        assert 1.0 < expected < 19.0
+        turn = RigidTransform.from_components([50.0, -9.0, 3.0], Rotation.from_euler("Z", 2.1))
+        turned = RelativePrior(*(prior(turn * T, *ALL, sigmas=sigmas) for T in (T_TARGET, T_SOURCE)))
+        assert bounds(turned).odds_of_place(T_TRUE, 0.5) == pytest.approx(expected, rel=1e-3)
+        swapped = RelativePrior(*(prior(T, *ALL, sigmas=sigmas) for T in (T_SOURCE, T_TARGET)))
+        assert bounds(swapped).odds_of_place(T_TRUE.inv(), 0.5) == pytest.approx(expected, rel=0.02)

@@ -19,6 +19,7 @@ from sonarmap.spectral.geometry import cross_matrices
 from sonarmap.spectral.grid import choose_grid, coarse_edge
 from sonarmap.spectral.judgement import Clues, Odds, fixed_probability, judge, shares
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
+from sonarmap.spectral.verify.bounds import NEAR_SHIFT, NEAR_TURN
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.lab.reproduce.evidence import (
     STILL,
@@ -34,7 +35,7 @@ from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.methods.fingerprint import fingerprint
 
 CLUES = tuple(field.name for field in fields(Clues))
-NEAR = (12.0, 8.0)  # largest errors of a right place [degrees, voxels]
+NEAR = (float(np.degrees(NEAR_TURN)), NEAR_SHIFT)  # largest errors of a right place [degrees, voxels]
 _RIDGE = 1e-3  # weight of the squared weights in the mean loss, for columns of standard deviation 1
 _RARE = 0.005  # quantile of a clue at which its range is cut, on either side
 # Largest errors of a right place within its covariance's ellipsoid [degrees, voxels]
