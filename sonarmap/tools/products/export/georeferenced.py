@@ -1,17 +1,26 @@
 """A finished map on the Earth: the numbers that all export formats share, so that they agree."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sonarmap.slam.map.surface import surface_reach
 from sonarmap.tools.files.geo import EAST, Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times, utc_texts
-from sonarmap.tools.products.export.grid import Cells, cells_of, check_size, shown_heights
+from sonarmap.tools.products.export.grid import (
+    Cells,
+    DepthGrid,
+    cells_of,
+    check_size,
+    empty_share,
+    shown_heights,
+    sufficient_cell,
+)
 
 # Sigma of an undetermined angle [deg]: a sensor that looks straight down has neither roll nor heading
 _ANY_ANGLE = 180.0
@@ -51,14 +60,25 @@ class MapGrid:
         """Edge of a cell [m]."""
         return self.cell or self.folder.voxel
 
-    def projected_cells(self) -> tuple[Cells, int, int, tuple[int, int]]:
-        """Filled cells of a north-up grid, its left and upper edges [cells], and its numbers of rows and columns."""
+    @cached_property
+    def depth_grid(self) -> DepthGrid:
+        """The grid of the surface's points, north up in the grid's coordinates."""
         index = np.floor(self.projected_points[:, :2] / self.cell_m).astype(np.int64)
         left, top = int(index[:, 0].min()), int(index[:, 1].max()) + 1
         row, column = top - 1 - index[:, 1], index[:, 0] - left
         shape = int(row.max()) + 1, int(column.max()) + 1
         check_size(*shape, self.cell_m)
-        return self.cells(row, column), left, top, shape
+        return DepthGrid(self.cells(row, column), self.cell_m, top, left, shape)
+
+    @cached_property
+    def coverage(self) -> Mapping[str, float]:
+        """`cell_m`, the `empty_share` of the covered cells, and `sufficient_cell_m`, for side-cars and notes."""
+        places, reach = self.projected_points[:, :2], surface_reach(self.surface.points, self.folder.voxel)
+        return {
+            "cell_m": self.cell_m,
+            "empty_share": empty_share(places, self.cell_m, reach),
+            "sufficient_cell_m": sufficient_cell(places, self.cell_m, reach),
+        }
 
     def cells(self, row: np.ndarray, column: np.ndarray, chosen: np.ndarray | slice = slice(None)) -> Cells:
         """The cells of a grid that has the surface's `chosen` points at row and column (M,) int64, not negative."""

@@ -7,7 +7,8 @@ its true height. The coordinates contain the heights nevertheless.
 
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
@@ -20,17 +21,17 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.surface import surface_reach
 from sonarmap.tools.files.geo import VERTICALS
 from sonarmap.tools.files.time_scales import utc_text
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.formats import HEIGHTS
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
-from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, empty_share, sufficient_cell
+from sonarmap.tools.products.export.grid import HEIGHT_COLORS, DepthGrid
 
 NODATA = -9999.0
 _BLOCK = 256  # edge of a tile
-_BANDS = ("height", "sigma", "count")
+_BANDS = ("height", "sigma", "count")  # of `Cells`
+VERTICAL_UNCERTAINTY = "vertical uncertainty, one standard deviation"
 _STEPS = 17  # number of colors in QGIS, which interpolates between them
 _PROFILE: dict[str, Any] = {
     "driver": "GTiff",
@@ -54,27 +55,21 @@ def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
     Edges of cells lie at multiples of `grid.cell_m`, so that grids of two maps fit. Cells without points are empty."""
     import rasterio
 
-    cell = grid.cell_m
-    cells, left, top, (rows, columns) = grid.projected_cells()
     # The vertical CRS is in the tags alone: many programs expect the code of a 2D CRS, and GDAL loses that of a 3D one
     on_earth = isinstance(grid, Georeferenced)
-    crs = rasterio.CRS.from_wkt(grid.projection.crs.to_wkt()) if on_earth else None
-    place = {"crs": crs, "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)}
-    places, reach = grid.projected_points[:, :2], surface_reach(grid.surface.points, grid.folder.voxel)
-    with atomic_path(path) as temporary:
-        with rasterio.open(temporary, "w", height=rows, width=columns, **place, **_PROFILE) as raster:
+    crs = grid.projection.crs.to_wkt() if on_earth else None
+    with atomic_path(path) as temporary, gdal_writes(path):
+        with rasterio.open(temporary, "w", crs=crs, **layout(grid.depth_grid), **_PROFILE) as raster:
             _describe(raster, grid)
-            _fill(raster, cells, rows, columns)
-        _require_whole(temporary, path)
+            fill(raster, grid.depth_grid, _BANDS)
+        read_whole(temporary)
     with atomic_path(path.with_suffix(".qml")) as temporary:
         temporary.write_bytes(_qgis_style(grid))
     return {
         "band_1": f"height [m], positive up: {HEIGHTS[grid.height]}",
-        "band_2": "standard deviation of the height [m]",
+        "band_2": "vertical uncertainty: one standard deviation of the height [m]",
         "band_3": "number of sonar points behind the height, or of all in the cell if the height is that of one point",
-        "cell_m": cell,
-        "empty_share": empty_share(places, cell, reach),
-        "sufficient_cell_m": sufficient_cell(places, cell, reach),
+        **grid.coverage,
         "nodata": NODATA,
         "pixels": "areas: a cell's value holds for all of it; cells without points are empty",
     }
@@ -91,14 +86,28 @@ def _describe(raster: Any, grid: MapGrid) -> None:
         HEIGHT=f"{grid.height}: {HEIGHTS[grid.height]}",
         SIGN="heights are positive up; a depth is minus the height",
     )
-    raster.descriptions = (f"height above {vertical}", "standard deviation of the height", "number of sonar points")
+    raster.descriptions = (f"height above {vertical}", VERTICAL_UNCERTAINTY, "number of sonar points")
     raster.units = ("m", "m", "points")
 
 
-def _fill(raster: Any, cells: Cells, rows: int, columns: int) -> None:
-    """Write the tiles that hold points, one row of tiles at a time; missing tiles read as NODATA."""
+def layout(grid: DepthGrid) -> dict[str, Any]:
+    """Rasterio's options for the size and the place of a grid."""
+    from rasterio import Affine
+
+    (rows, columns), cell = grid.shape, grid.cell_m
+    return {
+        "height": rows,
+        "width": columns,
+        "transform": Affine(cell, 0, grid.left * cell, 0, -cell, grid.top * cell),
+    }
+
+
+def fill(raster: Any, grid: DepthGrid, bands: Sequence[str]) -> None:
+    """Write the tiles that hold points, one row of tiles at a time; missing tiles read as the raster's nodata. `bands`
+    are names of columns of `Cells`."""
     from rasterio.windows import Window
 
+    cells, (rows, columns) = grid.cells, grid.shape
     starts = np.searchsorted(cells.row, np.arange(0, rows + _BLOCK, _BLOCK))
     for first, last in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
         tile = cells.column[first:last] // _BLOCK
@@ -106,22 +115,29 @@ def _fill(raster: Any, cells: Cells, rows: int, columns: int) -> None:
             here = np.arange(first, last)[tile == number]
             upper, left = int(cells.row[first]) // _BLOCK * _BLOCK, number * _BLOCK
             shape = min(_BLOCK, rows - upper), min(_BLOCK, columns - left)
-            values = np.full((len(_BANDS), *shape), NODATA, np.float32)
+            values = np.full((len(bands), *shape), raster.nodata, np.float32)
             values[:, cells.row[here] - upper, cells.column[here] - left] = [
-                getattr(cells, band)[here] for band in _BANDS
+                getattr(cells, band)[here] for band in bands
             ]
             raster.write(values, window=Window.from_slices((upper, upper + shape[0]), (left, left + shape[1])))
 
 
-def _require_whole(temporary: Path, path: Path) -> None:
+def read_whole(temporary: Path) -> None:
     """Read the raster once: GDAL writes its last tiles on closing a file, and does not report a full disk."""
     import rasterio
+
+    with rasterio.open(temporary) as raster:
+        for _, window in raster.block_windows(1):
+            raster.read(window=window)
+
+
+@contextmanager
+def gdal_writes(path: Path) -> Iterator[None]:
+    """Turn an error of GDAL in the block into an InputError that says what to do if `path` cannot be written."""
     from rasterio.errors import RasterioError
 
     try:
-        with rasterio.open(temporary) as raster:
-            for _, window in raster.block_windows(1):
-                raster.read(window=window)
+        yield
     except RasterioError as error:
         raise InputError(f"cannot write {path}: {error}; free disk space, or choose another folder") from error
 

@@ -39,6 +39,33 @@ class Cells:
     count: np.ndarray  # (K,) float64, number of sonar points behind the height
 
 
+@dataclass(frozen=True, slots=True)
+class DepthGrid:
+    """A north-up grid in projected coordinates or a map's frame: its K cells that hold points, and where they lie."""
+
+    cells: Cells  # row 0 is the northernmost, column 0 the westernmost
+    cell_m: float  # edge of a cell [m]
+    # northing of the upper edge and easting of the left one [cells]: edges of cells lie at multiples of `cell_m`
+    top: int
+    left: int
+    shape: tuple[int, int]  # numbers of rows and columns
+
+    @property
+    def east(self) -> np.ndarray:
+        """(K,) float64 [m], easting of the cells' middles."""
+        return (self.left + self.cells.column + 0.5) * self.cell_m
+
+    @property
+    def north(self) -> np.ndarray:
+        """(K,) float64 [m], northing of the cells' middles."""
+        return (self.top - self.cells.row - 0.5) * self.cell_m
+
+    @property
+    def depth(self) -> np.ndarray:
+        """(K,) float64 [m], positive down. Its standard deviation is `cells.sigma`, its soundings are `cells.count`."""
+        return -self.cells.height
+
+
 def top_cells(
     row: np.ndarray, column: np.ndarray, height: np.ndarray, sigma: np.ndarray, count: np.ndarray, voxel: float
 ) -> Cells:
