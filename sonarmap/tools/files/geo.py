@@ -44,6 +44,10 @@ _ELLIPSOID_NAME = "Ellipsoid (metre)"
 _ELLIPSOID_WKT = (
     f'VERT_CS["{_ELLIPSOID_NAME}",VERT_DATUM["Ellipsoid",2002],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]'
 )
+_UNKNOWN_WKT = (
+    'VERT_CS["unknown",VERT_DATUM["unknown",2005],UNIT["metre",1,AUTHORITY["EPSG","9001"]],'
+    'AXIS["Gravity-related height",UP]]'
+)
 _MARGIN = 10.0  # a CRS may be used this far outside its area of use [deg], as neighboring zones use a UTM zone
 _WANTED = {"--origin": "as EPSG:32632:E,N, or degrees without a CRS, as 60.3913,5.3221"}  # option -> the wanted format
 _NO_DATUM = (
@@ -197,6 +201,16 @@ class Projection:
         # WKT 1 has no CRS of three dimensions; this is how GDAL and PROJ write and read one
         flat = self.crs.to_wkt(WktVersion.WKT1_GDAL)
         return f'COMPD_CS["{self.crs.name} + {_ELLIPSOID_NAME}",{flat},{_ELLIPSOID_WKT}]'
+
+    @cached_property
+    def vertical_wkt(self) -> str:
+        """WKT 1 of the vertical reference alone; for the water's surface an unknown datum."""
+        from pyproj import CRS
+        from pyproj.enums import WktVersion
+
+        if self.vertical_epsg is None:
+            return _ELLIPSOID_WKT if self.vertical == "ellipsoid" else _UNKNOWN_WKT
+        return CRS.from_epsg(self.vertical_epsg).to_wkt(WktVersion.WKT1_GDAL)
 
     @property
     def vertical_epsg(self) -> int | None:

@@ -44,6 +44,7 @@ class ExportFormat:
     of_points: bool = False  # whether it holds points, of the map or of scans, if need be in the map's frame
     of_surface: bool = False  # whether it holds a mesh
     of_grid: bool = False  # whether it holds a grid from above
+    needs_crs: bool = False  # whether its grid cannot be in the map's frame
     beside: tuple[str, ...] = ()  # names of further files that the writer may write
     stamps: tuple[float, float] = (-math.inf, math.inf)  # range in which the scans' stamps must lie [s]
     library: str | None = None  # module of an extra of sonarmap that the writer needs
@@ -61,7 +62,7 @@ class ExportFormat:
     @property
     def fits_map_frame(self) -> bool:
         """Whether --crs map writes it in the map's frame."""
-        return self.of_points or self.of_grid
+        return self.of_points or (self.of_grid and not self.needs_crs)
 
     @property
     def needs_place(self) -> bool:
@@ -94,10 +95,25 @@ FORMATS = {
     "geotiff": ExportFormat(
         "grid{}.tif",
         "geotiff:write_geotiff",
-        "a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
+        "a grid of heights from above, with vertical uncertainty and count, GeoTIFF, and its style for QGIS",
         of_grid=True,
         beside=("grid{}.qml",),
         library="rasterio",
+    ),
+    "bag": ExportFormat(
+        "grid{}.bag",
+        "depths:write_bag",
+        "a grid of elevations with their vertical uncertainty, BAG",
+        of_grid=True,
+        needs_crs=True,
+        library="rasterio",
+    ),
+    "depths": ExportFormat(
+        "depths{}.csv",
+        "depths:write_depths",
+        "a grid of depths, a line per cell: easting, northing, depth, its standard deviation, soundings, CSV",
+        of_grid=True,
+        needs_crs=True,
     ),
     "kmz": ExportFormat("map{}.kmz", "geotiff:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
     "csv": ExportFormat("poses{}.csv", "track:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"),

@@ -89,6 +89,10 @@ def test_formats_of_an_origin(origin: str, height: float) -> None:
         (("--format", "geotiff", *ORIGIN, "--cell", "0"), "above 0"),
         (("--format", "csv", *ORIGIN, "--points", "all"), "need a format of points; give one of laz"),
         (("--format", "geotiff,gpkg", *ORIGIN, "--crs", "map"), "gpkg, which is on the Earth"),
+        (("--format", "bag"), "where the map lies on the Earth, which bag needs; give --origin"),
+        (("--format", "bag", *ORIGIN, "--crs", "EPSG:4326"), "is WGS 84; wanted a projected one in meters"),
+        (("--format", "laz,bag", *ORIGIN, "--crs", "map"), "bag, which is on the Earth"),
+        (("--format", "depths", "--crs", "map"), "depths, which is on the Earth"),
         (("--format", "laz", *ORIGIN, "--points", "all"), "does not say where the map's scans are"),
     ],
 )
