@@ -6,7 +6,7 @@ the scan's pose, float64, which readers add: the sensor's position, or the middl
 
 import struct
 import tempfile
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
@@ -19,9 +19,11 @@ from typing import Any, BinaryIO
 from uuid import NAMESPACE_OID, uuid5
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import BITS
+from sonarmap.slam.map.surface import on_surface
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo import Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
@@ -40,6 +42,7 @@ class Portion:
 
     name: str  # of the scan or the map
     points: np.ndarray  # (N, 3) float64 [m], in the file's coordinates
+    in_map: np.ndarray  # (N, 3) float64 [m], the same in the map's frame
     columns: Mapping[str, np.ndarray]  # {name: (N,)}
     stamps: np.ndarray  # (N,) [s], of the points' scans
     place: np.ndarray  # (3,) float64 [m], the sensor or the median of the map's points, in the file's coordinates
@@ -78,7 +81,7 @@ class Cloud:
         for name, points, columns, stamps, place in self._whole():
             if len(points):
                 empty = False
-                yield Portion(name, self.placed(points), columns, stamps, self.placed(place[None])[0])
+                yield Portion(name, self.placed(points), points, columns, stamps, self.placed(place[None])[0])
         if empty:
             raise InputError("the chosen scans have no points; choose others")
 
@@ -180,6 +183,7 @@ def _write_portion(file: Any, portion: Portion, timed: bool) -> None:
 
 _SCALE = 0.001  # [m]
 _STANDARD_GPS = 1e9  # adjusted standard GPS time is GPS time less this [s]
+_DIAGONAL = 1.75  # of a voxel [edges], rounded up
 _BRIGHTEST = 65_535  # largest intensity of 16 bits
 _DIMENSIONS = {  # extra dimensions of a LAS file: type, and description of at most 31 letters
     "sigma": ("f4", "std. deviation of a coord. [m]"),
@@ -194,19 +198,23 @@ _DEEPEST = 12  # depth of the octree
 _INFO, _ENTRY = "<5d2Q2d88x", "<4iQ2i"  # of the specification: sections "info VLR" and "hierarchy VLR"
 
 
+# LAS classes: bathymetric point, of the bed or of an object on it; and low point (noise)
+BATHYMETRIC, NOISE = 40, 7
+
+
 def write_laz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
     """Write LAZ 1.4, portion by portion: x, y and z [m] to the millimeter, CRS as WKT 1; returns the side-car's
     details."""
     import laspy
 
-    header, scale = cloud_header(cloud), intensity_scale(cloud)
+    header, scale, classes = cloud_header(cloud), intensity_scale(cloud), las_classes(cloud)
     with (
         atomic_path(path) as temporary,
         temporary.open("wb") as file,
         laspy.open(file, mode="w", header=header, do_compress=True, closefd=False) as writer,
     ):
         for portion in cloud.portions():
-            writer.write_points(las_points(portion, header, scale, cloud.timed))
+            writer.write_points(las_points(portion, header, scale, cloud.timed, classes))
     return meaning(cloud, int(writer.header.point_count))
 
 
@@ -218,7 +226,23 @@ def cloud_header(cloud: Cloud) -> Any:
     return las_header(None if cloud.earth is None else cloud.earth.projection, least, dimensions, cloud.timed)
 
 
-def las_points(portion: Portion, header: Any, scale: float | None, timed: bool) -> Any:
+def las_classes(cloud: Cloud) -> Callable[[np.ndarray], np.ndarray]:
+    """A function from points (N, 3) in the map's frame to their classes (N,): that of the map's nearest point, which is
+    BATHYMETRIC on a surface, else NOISE. A point of a scan is NOISE too if no point of the map lies within the diagonal
+    of a voxel: the map left it out as doubtful."""
+    part, voxel = cloud.part, cloud.folder.voxel
+    classes = np.append(np.where(on_surface(part.points, voxel), BATHYMETRIC, NOISE), NOISE)  # the last: none is near
+    tree = KDTree(part.points)
+    return lambda points: classes[tree.query(points, distance_upper_bound=_DIAGONAL * voxel)[1]]
+
+
+def las_points(
+    portion: Portion,
+    header: Any,
+    scale: float | None,
+    timed: bool,
+    classes: Callable[[np.ndarray], np.ndarray],
+) -> Any:
     """The points of a portion as a laspy record; echo strengths are multiplied by `scale`."""
     import laspy
 
@@ -226,6 +250,7 @@ def las_points(portion: Portion, header: Any, scale: float | None, timed: bool) 
     points.x, points.y, points.z = portion.points.T
     points.return_number[:] = 1
     points.number_of_returns[:] = 1
+    points.classification = classes(portion.in_map)
     points.point_source_id = columns["scan"].astype(np.int64) % 65_536
     points.gps_time = gps_times(portion.stamps, timed)
     if scale is not None and "intensity" in columns:
@@ -256,7 +281,8 @@ def meaning(cloud: Cloud, count: int) -> dict[str, Any]:
         else f"linear echo strength times {scale!r}, in 16 bits; 0 where there is none",
         "point_source_id": "the scan modulo 65536; the extra dimension scan has its whole number",
         "extra_dimensions": {name: words for name, (_, words) in _DIMENSIONS.items()},
-        "classification": "0, never classified",
+        "classification": f"{BATHYMETRIC} (bathymetric point): on a surface, of the bed or of an object; {NOISE} (low "
+        "point, noise): a stray echo, or a point of a scan that the map leaves out",
     }
 
 
@@ -303,9 +329,10 @@ def write_copc(path: Path, cloud: Cloud) -> Mapping[str, Any]:
     """Write the points of `write_laz` as COPC; returns the side-car's details. Coordinates and their order are held in
     memory, about 130 bytes per point, and the rest on disk."""
     header, scale, places = cloud_header(cloud), intensity_scale(cloud), list[np.ndarray]()
+    classes = las_classes(cloud)
     with tempfile.TemporaryFile(prefix="sonarmap.") as file, atomic_path(path) as temporary:
         for portion in cloud.portions():
-            points = las_points(portion, header, scale, cloud.timed)
+            points = las_points(portion, header, scale, cloud.timed, classes)
             header.grow(points)
             places.append(np.column_stack([points.array[axis] for axis in "XYZ"]))
             file.write(points.array.tobytes())

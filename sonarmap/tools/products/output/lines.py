@@ -22,7 +22,7 @@ from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.tables import write_json, write_table
-from sonarmap.tools.products.export.clouds import gps_times, las_header
+from sonarmap.tools.products.export.clouds import BATHYMETRIC, gps_times, las_header
 
 COLUMNS = (
     *("line", "ping", "utc", "unix_s", "lat_deg", "lon_deg", "easting_m", "northing_m", "height_m"),
@@ -147,6 +147,7 @@ def _write_soundings(
             points.gps_time = gps_times(after.stamps[after.pings], timed)
             points.return_number[:] = 1
             points.number_of_returns[:] = 1
+            points.classification[:] = BATHYMETRIC
             points.point_source_id[:] = min(number, 65_535)
             points.ping = after.pings
             points.beam_angle = np.degrees(after.beam_angles())

@@ -67,6 +67,7 @@ def test_soundings_match_the_true_positions(mapped: Path, survey: Survey) -> Non
     las = laspy.read(mapped / "out" / "soundings.laz")
     assert len(las.points) == sum(len(line.pings) for line in survey.recorded[:LANES])
     assert np.unique(np.asarray(las.point_source_id)).tolist() == [1, 2, 3]
+    assert (np.asarray(las.classification) == 40).all()
     places = Projection.of(HERE).unproject(np.asarray(las.xyz))
     there = HERE.local(places)
     true = np.concatenate([line.world_points() for line in survey.true[:LANES]])

@@ -20,6 +20,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import cell_keys
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.motion.straighten import Way, straightened
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo import Georeference, Projection
 from sonarmap.tools.files.map_folder.folder import Map, mapped_scans, read_map_folder
 from sonarmap.tools.files.readers.scans import read_survey
@@ -123,6 +124,30 @@ def test_scan_numbers_beyond_16_bits_are_written(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.asarray(las["scan"]), many)
     np.testing.assert_array_equal(las.point_source_id, many % 65_536)
     assert (np.asarray(las["seen"]) == 65_535).all()
+
+
+def test_points_of_surfaces_are_bathymetric_and_others_low_noise(tmp_path: Path) -> None:
+    """A bed with stray echoes above it, in the map and in a scan; the scan also has points that the map left out. The
+    scale of Web Mercator is 2 there."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0, 12, 0.2), np.arange(0, 7, 0.2)))
+    bed = np.column_stack([x, y, -9 + 0.1 * x])
+    strays = np.array([[2.0, 3, -4], [9, 1, -2], [5, 6, 3]])
+    earth = georeferenced(Georeference(60.0, 9.1), scattered(2), points=len(bed) + len(strays))
+    part = replace(earth.part, points=np.concatenate([bed, strays]))
+    earth = replace(earth, part=part, projection=Projection.of(earth.georeference, "EPSG:3857"))
+    las = written(tmp_path / "map.laz", earth)
+    assert np.asarray(las.classification).tolist() == [40] * len(bed) + [7] * 3
+    T = part.trajectory.T_world_sensor
+    left_out = np.array([[20.0, 3, -7], [4, 4, -12]])
+    seen = bed[::7], np.concatenate([bed[::3] + np.array([0.05, -0.1, 0.08]), strays + 0.05, left_out])
+    scans = tuple(Scan(T[k].inv().apply(seen[k]).astype(np.float32)) for k in range(2))
+    cloud = replace(cloud_of(earth), scans=scans)
+    write_laz(tmp_path / "points.laz", cloud)
+    classes = np.asarray(laspy.read(tmp_path / "points.laz").classification)
+    assert classes.tolist() == [40] * (len(bed[::7]) + len(bed[::3])) + [7] * 5
+    write_copc(tmp_path / "points.copc.laz", cloud)
+    with laspy.CopcReader.open(str(tmp_path / "points.copc.laz")) as reader:
+        assert np.bincount(np.asarray(reader.query().classification))[[7, 40]].tolist() == [5, len(classes) - 5]
 
 
 HERE = Georeference(60.0, 9.0, -3.0)
