@@ -61,7 +61,7 @@ class Panel:
             return field(default_factory=lambda: list[Any](default), metadata=metadata)
         return field(default=default, metadata=metadata)
 
-    def flag(self, names: str, words: str, default: bool = False, rare: bool = False) -> Any:
+    def flag(self, names: str, words: str, default: bool | None = False, rare: bool = False) -> Any:
         """A default that declares an option without a value."""
         return field(default=default, metadata={_OPTION: self.switch(names, words, rare)})
 

@@ -175,6 +175,9 @@ class PointReading:
         shown="0",
         rare=True,
     )
+    all_soundings: bool | None = INPUT.flag(
+        "--all-soundings", "Keep soundings that lines of an echo sounder flag as rejected.", None, rare=True
+    )
 
     def corrections(self) -> "Corrections":
         """Corrections of points when files are read."""
@@ -183,7 +186,8 @@ class PointReading:
 
         scale = 1.0 if self.range_scale is None else self.range_scale
         frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)
-        return Corrections(self.sound_speed, scale, frame, LineReading(self.patch, draught=self.draught or 0.0))
+        lines = LineReading(self.patch, draught=self.draught or 0.0, all_soundings=bool(self.all_soundings))
+        return Corrections(self.sound_speed, scale, frame, lines)
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,7 +272,7 @@ def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: boo
         lines = []
         for number, path in enumerate(files):
             step(number, len(files) + 1, path.name)
-            lines.append(read_line(path, []))
+            lines.append(read_line(path, [], corrections.lines.all_soundings))
         here = lines[0].origin()
         step(len(files), len(files) + 1, "comparing the lines")
         test = estimate_biases([line.placed(here) for line in lines])

@@ -287,7 +287,9 @@ def _corrections(settings: dict[str, Any]) -> Corrections:
     """The corrections of points that the map's settings describe."""
     biases = Biases.of_json(settings["patch_test"]) if "patch_test" in settings else Biases()
     frame = PointFrame(settings.get("frame", "flu"), settings.get("units", "m"))
-    lines = LineReading(settings.get("patch"), biases, settings.get("draught") or 0.0)
+    lines = LineReading(
+        settings.get("patch"), biases, settings.get("draught") or 0.0, settings.get("all_soundings") or False
+    )
     return Corrections(settings.get("sound_speed"), settings.get("range_scale", 1.0), frame, lines)
 
 

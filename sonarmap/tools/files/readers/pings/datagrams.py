@@ -36,8 +36,9 @@ _DEEP = {120, 300, *range(9901, 9906)}
 # In the model 3002 it is not.
 _TWO_HEADS, _SECOND = range(3003, 3009), 128
 _MULTIPLIERS = range(-1, 18)  # valid ones, of 655.36 m, which are added to the transducer's depth in D
-_INVALID = 0x80  # bit of a sounding's detection
-_NULL_OR_FLAGGED = 3  # bits of MB-System's flag
+_INVALID, _UNDETECTED = 0x80, 0x84  # bit of a sounding's detection; its value without one, with bits of no meaning set
+_DETECTION = 0x8F  # bits of the detection that say so
+_NULL, _FLAGGED = 1, 2  # bits of MB-System's flag
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +160,9 @@ class Swath:
     sound_speed: float  # at the transducer [m/s]
     depth: float  # of the transmit transducer below the water's level [m]
     fix: tuple[float, float]  # latitude, longitude [deg] by MB-System, maybe its value for unknown; else NaN
-    # (n, 3) float64 [m] without rejected ones: forward, port, up from the position's reference point, at `depth`
+    # (n, 3) float64 [m]: forward, port, up from the position's reference point, at `depth`; NaN without a detection
     points: np.ndarray
-    beams: int  # number of soundings, including rejected ones
+    flagged: np.ndarray  # (n,) bool, whether a sounding is rejected
 
 
 def swath_of(datagram: Datagram) -> Swath:
@@ -170,29 +171,32 @@ def swath_of(datagram: Datagram) -> Swath:
     head = datagram.rows(head_layout)[0]
     rows = datagram.rows(layout, head_layout.itemsize, int(head["beams"]))
     points, depth = np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"]), float(head["depth"])
-    kept = np.ones(len(rows), bool)
+    flagged = np.zeros(len(rows), bool)
     if datagram.kind in _IN_UNITS:
-        kept, depth = _in_meters(datagram, head, rows, points)
+        depth = _in_meters(datagram, head, rows, points)
     if datagram.kind in _BY_MB_SYSTEM:
-        kept &= rows["flag"] & _NULL_OR_FLAGGED == 0
+        points[rows["flag"] & _NULL > 0] = np.nan
+        flagged = rows["flag"] & _FLAGGED > 0
     elif datagram.kind == "X":
+        points[rows["detection"] & _DETECTION == _UNDETECTED] = np.nan
         # realtime cleaning marks rejected soundings with negative numbers
-        kept &= (rows["detection"] & _INVALID == 0) & (rows["cleaning"] >= 0)
+        flagged = (rows["detection"] & _INVALID > 0) | (rows["cleaning"] < 0)
     fix = (head["latitude"] / 2e7, head["longitude"] / 1e7) if datagram.kind in _BY_MB_SYSTEM else (np.nan, np.nan)
     heading = np.radians(head["heading"] / 100) if head["heading"] <= 36000 else np.nan
-    return Swath(heading, head["sound_speed"] / 10, depth, fix, points[kept] * [1, -1, -1], len(rows))
+    return Swath(heading, head["sound_speed"] / 10, depth, fix, points * [1, -1, -1], flagged)
 
 
-def _in_meters(datagram: Datagram, head: np.void, rows: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Convert points of a D datagram to meters, in place; (n,) bool, valid ones, and the transducer's depth [m]."""
+def _in_meters(datagram: Datagram, head: np.void, rows: np.ndarray, points: np.ndarray) -> float:
+    """Convert points of a D datagram to meters, in place, invalid ones to NaN; return the transducer's depth [m]."""
     if not (head["z_unit"] and head["xy_unit"]):
         raise InputError("has units of 0 cm")
     deep = datagram.model in _DEEP
     if deep:
         points[:, 2] %= 1 << 16
-    kept = (points[:, 2] != 0) & (points[:, 2] != (0xFFFF if deep else 0x7FFF)) & (points[:, :2] != 0x7FFF).all(axis=1)
+    valid = (points[:, 2] != 0) & (points[:, 2] != (0xFFFF if deep else 0x7FFF)) & (points[:, :2] != 0x7FFF).all(axis=1)
     points *= np.array([head["xy_unit"], head["xy_unit"], head["z_unit"]]) / 100
+    points[~valid] = np.nan
     if datagram.model in _TWO_HEADS:
         points[rows["number"] >= _SECOND, 2] += head["rate"] / 100
     multiplier = int(datagram.rows(np.dtype("i1"), head.itemsize + rows.nbytes)[0])
-    return kept, head["depth"] / 100 + 655.36 * multiplier * (multiplier in _MULTIPLIERS)
+    return head["depth"] / 100 + 655.36 * multiplier * (multiplier in _MULTIPLIERS)

@@ -134,8 +134,8 @@ def _line(name: str, answer: _Answer, notes: list[str]) -> RecordedLine:
         fixes=np.column_stack([heads["latitude"], heads["longitude"], np.zeros(len(level))]),
         attitudes=attitudes,
         sensors=_sensors(attitudes, heads, tide),
-        points=[rows[rows[:, 3] == 0, :3] for rows in answer.rows],
-        beams=[len(rows) for rows in answer.rows],
+        points=[rows[:, :3] for rows in answer.rows],
+        flagged=[rows[:, 3] > 0 for rows in answer.rows],
         sound_speeds=heads["sound_speed"].tolist(),
         notes=notes,
     )

@@ -116,7 +116,7 @@ def _print_ping(ping, parameters: dict[str, str], out: BinaryIO) -> int:
     rows[:, 2] = -np.ctypeslib.as_array(depths, (count,))
     if ping.along_track:
         rows[:, 0] = np.ctypeslib.as_array(ping.along_track, (count,))
-    rows[:, 3] = rows[:, 2] == 0  # no bottom was detected
+    rows[rows[:, 2] == 0, 2] = np.nan  # no bottom was detected
     if ping.beam_flags:
         rows[:, 3] += np.ctypeslib.as_array(ping.beam_flags, (count,)) & _IGNORE
     rows[:, 3] += ping.ping_flags & _IGNORE

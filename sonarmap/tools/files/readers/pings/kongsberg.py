@@ -186,7 +186,7 @@ def _line(name: str, found: _Content) -> RecordedLine:
         attitudes=attitudes,
         sensors=_sensors(attitudes, found, int(positions[-1, 3]) if len(positions) else 0),
         points=[swath.points - [0, 0, swath.depth] for swath in swaths],
-        beams=[swath.beams for swath in swaths],
+        flagged=[swath.flagged for swath in swaths],
         sound_speeds=[swath.sound_speed for swath in swaths],
         notes=notes + damage(found.skipped, len(found.faults), "datagram", *found.faults[:1] or [""]),
     )

@@ -52,21 +52,22 @@ FORMATS = {
 }
 
 
-def read_line(path: Path, notes: list[str]) -> RecordedLine:
-    """The line of a file; its notes are added to `notes`, after the file's name."""
+def read_line(path: Path, notes: list[str], all_soundings: bool = False) -> RecordedLine:
+    """The line of a file; its notes are added to `notes`, after the file's name. `all_soundings`: whether
+    soundings that the file flags as rejected are kept."""
     require_file(path)
     with naming(path):
-        return _line(path, notes)
+        return _line(path, notes, all_soundings)
 
 
-def _line(path: Path, notes: list[str]) -> RecordedLine:
+def _line(path: Path, notes: list[str], all_soundings: bool) -> RecordedLine:
     known = FORMATS.get(path.suffix.lower())
     if known is None:
         raise InputError(f"unknown format {path.suffix or '(no suffix)'!r}; known are {', '.join(FORMATS)}")
     require_kind(path, FORMATS)
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # in damaged files; `assembled` leaves them out
-            line = known.read(path)
+            line = known.read(path).selected(all_soundings)
     except MemoryError as error:
         raise InputError("too large for this machine's memory; split it") from error
     notes += [f"{path.name}: {note}" for note in line.notes]
@@ -96,8 +97,8 @@ class LineOverview:
         return self.length / self.seconds if self.seconds > 0 else 0.0
 
 
-def line_overview(path: Path) -> LineOverview:
-    recorded = read_line(path, [])
+def line_overview(path: Path, all_soundings: bool = False) -> LineOverview:
+    recorded = read_line(path, [], all_soundings)
     line = recorded.placed(recorded.origin())
     low, middle, high = np.percentile(-line.points[:, 2], [5, 50, 95]).tolist()
     roll, pitch, heading = line.attitudes.T
@@ -118,6 +119,7 @@ class LineReading:
     patch: float | None = None  # length of a patch along the track [m]; None for half the swath's width
     biases: Biases = field(default_factory=Biases)  # of the line's instruments, which are corrected
     draught: float = 0.0  # depth of the transducer below the water surface [m], for files without it
+    all_soundings: bool = False  # whether soundings that the files flag as rejected are kept
 
     def __post_init__(self) -> None:
         if self.patch is not None and not 0 < self.patch < np.inf:
@@ -132,7 +134,7 @@ AS_LINES = LineReading()
 def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[Cloud]:
     """The patches of a line's file, each in a level frame at the transducer in its middle. An InputError does not name
     the file."""
-    recorded = _line(path, notes).immersed(reading.draught)
+    recorded = _line(path, notes, reading.all_soundings).immersed(reading.draught)
     origin, below = recorded.origin(), recorded.below_water or reading.draught > 0
     if not below:
         notes.append(f"{path.name}: {NO_DRAUGHT}")

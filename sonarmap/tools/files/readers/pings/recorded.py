@@ -35,16 +35,29 @@ class RecordedLine:
     attitudes: np.ndarray  # (P, 3) float64 [rad]: roll, starboard down; pitch, bow up; heading, clockwise from North
     sensors: np.ndarray  # (P, 3) float64 [m], positions of the transducer in the pings' frames
     pings: np.ndarray  # (N,) int64, ascending: the ping of each sounding
-    points: np.ndarray  # (N, 3) float64 [m], soundings that were not rejected, in the frames of their pings
-    beams: int  # number of soundings, including rejected ones
+    points: np.ndarray  # (N, 3) float64 [m], soundings in the frames of their pings
+    flagged: np.ndarray  # (N,) bool, which of them the recording flags as rejected
+    beams: int  # number of soundings, including those that are left out
     sound_speed: float | None  # at the transducer [m/s], the median; None if it is not in the file
     notes: tuple[str, ...]  # for the user
     below_water: bool = True  # whether depths count from the water surface; else from the transducer
 
     @property
     def rejected(self) -> int:
-        """Number of soundings that the recording rejects, or that are not finite or too far."""
+        """Number of soundings left out: flagged, without a detection, not finite or too far."""
         return self.beams - len(self.points)
+
+    def selected(self, all_soundings: bool) -> "RecordedLine":
+        """The line without its flagged soundings, or with all, and a note on them."""
+        count = int(self.flagged.sum())
+        if all_soundings:
+            note = f"{counted(count, 'sounding')} that the file flags as rejected kept (--all-soundings)"
+            return replace(self, notes=(*self.notes, *[note] * bool(count)))
+        good = ~self.flagged
+        if not good.any():
+            pings = counted(len(self.stamps), "ping")
+            raise InputError(f"all {self.beams:,} soundings of its {pings} are rejected; --all-soundings keeps them")
+        return replace(self, pings=self.pings[good], points=self.points[good], flagged=self.flagged[good])
 
     def immersed(self, draught: float) -> "RecordedLine":
         """The line with its transducer at `draught` [m] below the water surface."""
@@ -75,24 +88,24 @@ def assembled(
     attitudes: np.ndarray,
     sensors: np.ndarray,
     points: Sequence[np.ndarray],
-    beams: Sequence[int],
+    flagged: Sequence[np.ndarray],
     sound_speeds: Sequence[float],
     notes: Sequence[str],
     below_water: bool = True,
 ) -> RecordedLine:
     """The line of P pings, which are sorted by their stamps; invalid ones (NaN, or out of range) are left out. For each
-    ping, `points` are its (n, 3) float64 soundings [m] that are not rejected, and `beams` the number of all soundings;
-    `sound_speeds` are those of any pings [m/s]."""
+    ping, `points` are its (n, 3) float64 soundings [m], NaN without a detection, and `flagged` (n,) bool whether the
+    recording flags them as rejected; `sound_speeds` are those of any pings [m/s]."""
     order, faults = _usable(np.column_stack([stamps, fixes, attitudes, sensors]))
     notes = (*notes, *faults)
     if not len(order):
         why = f"; {'; '.join(notes)}" if notes else ""
         raise InputError(f"no ping with a time, a position and soundings in it{why}; give a recorded line")
     pings = np.repeat(np.arange(len(order)), [len(points[k]) for k in order])
-    soundings, total = np.concatenate([points[k] for k in order]), sum(beams[k] for k in order)
+    soundings = np.concatenate([points[k] for k in order])
     near = (np.abs(soundings) <= _MAX_RANGE).all(axis=1)  # NaN is left out too
     if not near.any():
-        raise InputError(f"all {total:,} soundings of its {len(order):,} pings are rejected")
+        raise InputError(f"none of the {len(near):,} soundings of its {counted(len(order), 'ping')} has a detection")
     speeds = [speed for speed in sound_speeds if 1300 < speed < 1700]  # the range in water
     return RecordedLine(
         name,
@@ -100,7 +113,8 @@ def assembled(
         *(each[order] for each in (stamps, fixes, attitudes, sensors)),
         pings=pings[near],
         points=soundings[near],
-        beams=total,
+        flagged=np.concatenate([flagged[k] for k in order])[near],
+        beams=len(near),
         sound_speed=float(np.median(speeds)) if speeds else None,
         notes=notes,
         below_water=below_water,

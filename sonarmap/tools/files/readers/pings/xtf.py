@@ -221,10 +221,12 @@ def _line(name: str, header, packets: _Packets, pyxtf) -> RecordedLine:
     turns = R_level_vehicle_of(np.nan_to_num(attitudes)).as_matrix() @ mounted.as_matrix()
     flags = [ranges.flags for ranges in packets.ranges if ranges.flags is not None]
     has_checks = any((each & _PASSED).any() for each in flags)
-    points = list[np.ndarray]()
+    points, flagged = list[np.ndarray](), list[np.ndarray]()
     for ranges, turn, sensor in zip(packets.ranges, turns, sensors, strict=True):
-        kept = ranges.has_range if ranges.flags is None else ranges.has_range & ~rejected(ranges.flags, has_checks)
-        points.append(ranges.points[kept] @ turn.T + sensor)
+        measured = np.where(ranges.has_range[:, None], ranges.points, np.nan)
+        points.append(measured @ turn.T + sensor)
+        none = np.zeros(len(measured), bool)
+        flagged.append(none if ranges.flags is None else rejected(ranges.flags, has_checks))
     return assembled(
         name,
         f"R2Sonic {packets.ranges[0].model}",
@@ -233,7 +235,7 @@ def _line(name: str, header, packets: _Packets, pyxtf) -> RecordedLine:
         attitudes=attitudes,
         sensors=sensors,
         points=points,
-        beams=[len(ranges.has_range) for ranges in packets.ranges],
+        flagged=flagged,
         sound_speeds=[ranges.sound_speed for ranges in packets.ranges],
         below_water=bool(heads["SensorDepth"].any()),
         notes=_notes(header, channel) + damage(packets.skipped, packets.damaged, "ping", packets.first),
