@@ -13,7 +13,8 @@ from sonarmap.slam.pings.line import PingLine
 # than twice as long as wide.
 _LENGTH = 0.5
 _MIN_PINGS = 4  # of a piece
-_GAP = 10.0  # longest time between two pings of a piece [median times between pings]
+_GAP = 10.0  # longest time between two pings of a piece [times the usual one between pings]
+_USUAL = 90  # percentile of the times between pings: fans of one ping, up to eight, have the same time
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def cut(line: PingLine, length: float | None = None) -> list[Piece]:
         raise InputError(f"{line.name} has no soundings that are not rejected")
     steps = np.linalg.norm(np.diff(line.places[:, :2], axis=0), axis=1)
     spans = np.diff(line.stamps)
-    pauses = np.flatnonzero(spans > _GAP * np.median(spans)) + 1 if len(spans) else []
+    pauses = np.flatnonzero(spans > _GAP * np.percentile(spans, _USUAL)) + 1 if len(spans) else []
     wanted = length or _LENGTH * swath_width(line)
     pieces: list[Piece] = []
     for stretch in np.split(np.arange(len(line.stamps)), pauses):

@@ -1,5 +1,7 @@
 """A line cut into pieces, and moved to where a map has them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -48,6 +50,14 @@ def test_a_piece_is_half_a_swath_width_long_and_spans_no_pause() -> None:
     paused = a_line(240, pause=600.0)
     assert 120 in [piece.first for piece in cut(paused)]
     assert len(cut(a_line(9), 1000.0)) == 2  # one piece has nothing to be registered to
+
+
+def test_fans_of_the_same_time_are_in_one_piece() -> None:
+    """Of an echo sounder with two receivers and two swaths a ping: four fans, 1 ms apart or at once."""
+    line = a_line(60)
+    stamps = np.repeat(line.stamps[::4], 4) + np.tile([0.0, 0.0, 0.001, 0.001], 15)
+    pieces = cut(replace(line, stamps=stamps), 15.0)
+    assert len(pieces) == len(cut(line, 15.0))
 
 
 def test_a_line_without_soundings_or_a_length_below_0_is_refused() -> None:
