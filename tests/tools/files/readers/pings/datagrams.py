@@ -37,8 +37,12 @@ class Recorder:
     def installation(self, text: str, second: int = 0) -> bytes:
         return self.datagram("I", START, self.pack("H", second) + text.encode() + b"\0")
 
-    def position(self, stamp: float, latitude: float, longitude: float, system: int = 0x81) -> bytes:
-        content = self.pack("iiHHHHBB", round(latitude * 2e7), round(longitude * 1e7), 0, 0, 0, 0, system, 3)
+    def position(
+        self, stamp: float, latitude: float, longitude: float, system: int = 0x81, speed: int = 0, course: int = 0
+    ) -> bytes:
+        """Speed [cm/s] and course [0.01 deg] over ground are 0xFFFF where unknown."""
+        place = round(latitude * 2e7), round(longitude * 1e7)
+        content = self.pack("iiHHHHBB", *place, 0, speed, course, 0, system, 3)
         return self.datagram("P", stamp, content + b"GGA")
 
     def motion(self, stamp: float, rows: list[tuple[float, float, float]], system: int = 0, status: int = 0) -> bytes:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.tools.files.readers.pings.datagrams import DEPTHS, EM, OLD, Recorder
@@ -30,7 +31,7 @@ def test_depth_datagrams_are_read(tmp_path: Path, order: str, model: int, name: 
     np.testing.assert_allclose(line.fixes[:, :2], LINE.fixes, atol=1e-7)
     np.testing.assert_allclose(line.sensors[:, 2], -DEPTHS)
     assert (line.echo_sounder, line.sound_speed, line.rejected) == (f"Kongsberg EM{name}", SPEED, 0)
-    assert line.notes == ()
+    assert line.notes == ("positions are those of system 1, which is active; not those of 2",)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -97,6 +98,30 @@ def swaths() -> list[bytes]:
 def positions(system: int = 0x81, off: float = 0.0) -> list[bytes]:
     fixes = (LINE.fixes + off).tolist()
     return [EM.position(t, *fix, system=system) for t, fix in zip(LINE.stamps, fixes, strict=True)]
+
+
+@pytest.mark.parametrize(("speed", "course"), [(400, 12000), (0xFFFF, 12000), (400, 0xFFFF)])
+def test_one_position_places_the_pings_around_it(tmp_path: Path, speed: int, course: int) -> None:
+    """At 4 m/s and a course of 120 degrees, a ping a second later is 2 m south and 3.46 m east; without a speed it is
+    there. Pings more than 2 s from the position are left out."""
+    latitude, longitude = LINE.fixes[6].tolist()
+    one = EM.position(LINE.stamps[6], latitude, longitude, speed=speed, course=course)
+    found = read(tmp_path, b"".join([*swaths(), one]))
+    np.testing.assert_allclose(found.stamps, LINE.stamps[2:11], atol=1e-3)
+    after, moves = (found.stamps - LINE.stamps[6])[:, None], speed == 400 and course == 12000
+    places = Georeference(latitude, longitude).local(found.fixes)[:, :2]
+    np.testing.assert_allclose(places, after * np.array([3.4641, -2.0]) * moves, atol=0.02)
+    said = "by its speed and course over ground" if moves else "there, as it has no speed"
+    assert found.notes[0] == f"only one position: pings within 2 s of it are placed {said}"
+
+
+def test_network_attitudes_fill_what_the_active_sensor_lacks(tmp_path: Path) -> None:
+    """Datagrams A come a second later than those by network of the same sensor (0x6E), so a cut file lacks them; those
+    of another one (0x3E) are not used."""
+    late = [EM.network_motion(START, rows(5.0), system=0x3E), EM.network_motion(START, rows(3.25), system=0x6E)]
+    found = read(tmp_path, b"".join([*swaths(), *positions(), EM.motion(START, rows(3.0)[:5]), *late]))
+    np.testing.assert_allclose(np.degrees(found.attitudes[:, 0]), [3.0] * 5 + [3.25] * 7, atol=1e-6)
+    assert found.notes == ()
 
 
 def rows(roll: float) -> list[tuple[float, float, float]]:

@@ -247,7 +247,7 @@ WRONG: list[tuple[str, Callable[[], bytes], str]] = [
         lambda: EM.datagram("k", START, bytes(40)),
         "it holds a water column, but no soundings; .* the line's .all",
     ),
-    (".all", lambda: EM.swath(LINE, 0, 1.0), "less than two positions"),
+    (".all", lambda: EM.swath(LINE, 0, 1.0), "no position near its pings; record positions"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-v03.09\0\0", "it holds no ping with soundings"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-x03", "the GSF library cannot read it"),
     (".kmall", lambda: b"\0\1\0\0#IIP" + bytes(90), "no maintained library reads Kongsberg's .kmall; convert it"),
