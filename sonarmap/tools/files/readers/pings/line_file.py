@@ -18,6 +18,7 @@ from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.settings import by_the_maps_north, rounded_origin
 from sonarmap.tools.files.readers.pings.gsf import read_gsf
+from sonarmap.tools.files.readers.pings.kmall import read_kmall
 from sonarmap.tools.files.readers.pings.kongsberg import read_all
 from sonarmap.tools.files.readers.pings.recorded import NO_DRAUGHT, RecordedLine
 from sonarmap.tools.files.readers.pings.xtf import read_xtf
@@ -38,17 +39,13 @@ class Format(Kind):
     read: Callable[[Path], RecordedLine]
 
 
-def _refuse_kmall(path: Path) -> RecordedLine:
-    raise InputError("no maintained library reads Kongsberg's .kmall; convert it to GSF, and give that")
-
-
 _ALL = Format("a Kongsberg .all file", rb"(?s)(.{2}.\x00|\x00.{3})\x02[0-9A-Za-z\xe1-\xe5]", read_all)
 FORMATS = {
     ".gsf": Format("a GSF file", rb"(?s).{4}[\x00\x80]\x00\x00\x01(.{4})?GSF-", read_gsf),
     ".xtf": Format("an XTF file", rb"(?s)\x7b[^\s\"'{}\]]", read_xtf),
     # .wcd files have the water column of a .all file, .mb* files are written by MB-System
     **dict.fromkeys((".all", ".wcd", ".mb56", ".mb57", ".mb58", ".mb59"), _ALL),
-    ".kmall": Format("a Kongsberg .kmall file", rb"(?s).{4}#[A-Z]{3}", _refuse_kmall),
+    ".kmall": Format("a Kongsberg .kmall file", rb"(?s).{4}#[A-Z]{3}", read_kmall),
 }
 
 

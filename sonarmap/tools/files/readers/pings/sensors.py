@@ -56,8 +56,8 @@ class Sensors:
             notes.append(f"positions are those of system {used}, which is active; not those of {' and '.join(others)}")
         rows = _steady(rows)
         if len(np.unique(rows[:, 0])) == 1:
-            places, note = _reckoned(stamps, rows[0])
-            notes.append(note)
+            places, of_one = _reckoned(stamps, rows[0])
+            notes += of_one
         else:
             places, known = between(stamps, rows[:, 0], rows[:, 1:3], _GAPS["position"], _BEYOND["position"])
             places[~known] = np.nan
@@ -99,9 +99,9 @@ def _steady(rows: np.ndarray) -> np.ndarray:
     return rows[~(np.concatenate([[True], far]) & np.concatenate([far, [True]]))]
 
 
-def _reckoned(stamps: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, str]:
+def _reckoned(stamps: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """(P, 2) latitudes and longitudes [deg] from one position by its velocity, NaN too long before or after it; and a
-    note."""
+    note if a ping has another time."""
     moves = np.isfinite(row[3:5]).all()
     after = stamps - row[0]
     shift = after[:, None] * np.nan_to_num(row[3:5]) / (_DEGREE * np.array([1.0, np.cos(np.radians(row[1]))]))
@@ -109,4 +109,5 @@ def _reckoned(stamps: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, str]:
     far = ~(np.abs(after) <= _BEYOND["position"])
     places[far] = np.nan
     how = "by its speed and course over ground" if moves else "there, as it has no speed"
-    return places, f"only one position: pings within {_BEYOND['position']:g} s of it are placed {how}"
+    note = f"only one position: pings within {_BEYOND['position']:g} s of it are placed {how}"
+    return places, [note] * bool(after.any())

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.tools.files.readers.pings.kmall_file import kmall
 from tests.tools.files.readers.pings.samples import LINE, SPEED, START, Sample, fan, write_gsf, xtf
 
 LAYOUT = "WLZ=1.50,SMH=101,STC=1,S1X=6.50,S1Y=1.75,S1Z=4.25,P1X=-2.25,P1Y=0.75,P1Z=-9.00,APS=0,"
 DEPTHS = 2.5  # of the transducer [m]
-SUFFIXES = (".gsf", ".xtf", ".all", ".mb56")  # the last is a .all file of depth datagrams
+SUFFIXES = (".gsf", ".xtf", ".all", ".mb56", ".kmall")  # .mb56 is a .all file of depth datagrams
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +150,8 @@ def written(folder: Path, suffix: str, line: Sample = LINE) -> Path:
         return write_gsf(path, line)
     if suffix == ".xtf":
         path.write_bytes(xtf(line, fan(len(line.stamps))))
+    elif suffix == ".kmall":
+        path.write_bytes(kmall(line))
     else:
         path.write_bytes(EM.file(line) if suffix == ".all" else OLD.file(line, swath=OLD.depths))
     return path

@@ -1,7 +1,9 @@
-"""Damaged lines: an InputError or a line that is valid, soon."""
+"""Damaged lines: an InputError or a line that is valid, soon, and without much memory."""
 
+import resource
 import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +13,15 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.damage.mutations import mutated
+from tests.samples.places import DATA
 from tests.tools.files.readers.pings.datagrams import SUFFIXES, written
+from tests.tools.files.readers.pings.kmall_file import kmall as kmall_file
+from tests.tools.files.readers.pings.samples import LINE
 
-LONGEST = 10.0  # seconds for a file
-QUICK, MANY = 5, 500
+LONGEST = 5.0  # seconds for a file
+MOST_MEMORY = 300_000  # KiB for all of them
+QUICK, MANY, MANY_KMALL = 5, 500, 2000
+REAL = DATA / "real" / "kongsberg"
 
 
 def check(line: RecordedLine) -> None:
@@ -25,11 +32,12 @@ def check(line: RecordedLine) -> None:
     assert line.fixes.shape == (len(line.stamps), 3)
 
 
-def trial(folder: Path, suffix: str, count: int, seed: int) -> Counter[str]:
-    """What became of so many damaged files."""
-    content, rng, ends = written(folder, suffix).read_bytes(), np.random.default_rng(seed), Counter[str]()
-    path, slowest = folder / f"damaged{suffix}", 0.0
-    for _ in range(count):
+def trial(folder: Path, suffix: str, count: int, seed: int, others: Sequence[bytes] = ()) -> Counter[str]:
+    """What became of so many damaged files, of a good one and `others` in turns."""
+    contents, rng, ends = [written(folder, suffix).read_bytes(), *others], np.random.default_rng(seed), Counter[str]()
+    path, slowest, memory = folder / f"damaged{suffix}", 0.0, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for k in range(count):
+        content = contents[k % len(contents)]
         path.write_bytes(mutated(content, content, rng))
         started = time.monotonic()
         try:
@@ -42,8 +50,10 @@ def trial(folder: Path, suffix: str, count: int, seed: int) -> Counter[str]:
             ends["crashed"] += any("library ended" in note for note in line.notes)
             ends["hung"] += any("did not end" in note for note in line.notes)
         slowest = max(slowest, time.monotonic() - started)
-    print(f"{suffix}: {dict(ends)}, slowest {slowest:.2f} s")
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
+    print(f"{suffix}: {dict(ends)}, slowest {slowest:.2f} s, {memory:,} KiB")
     assert slowest < LONGEST
+    assert memory < MOST_MEMORY
     return ends
 
 
@@ -58,4 +68,6 @@ def test_damaged_lines_are_refused_or_valid(tmp_path: Path, suffix: str) -> None
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_thousands_of_damaged_lines(tmp_path: Path, suffix: str) -> None:
-    trial(tmp_path, suffix, MANY, seed=2)
+    kmall = suffix == ".kmall"
+    others = [kmall_file(LINE, parts=3), *(path.read_bytes() for path in sorted(REAL.glob("*.kmall")))] if kmall else []
+    trial(tmp_path, suffix, MANY_KMALL if kmall else MANY, 2, others)

@@ -14,6 +14,7 @@ from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.pings.line_file import LineReading, line_clouds, read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.refusals import refuses
+from tests.tools.files.readers.pings import kmall_file
 from tests.tools.files.readers.pings.datagrams import DEPTHS, EM, LAYOUT, SUFFIXES, written
 from tests.tools.files.readers.pings.samples import (
     DRAFT,
@@ -72,7 +73,7 @@ def test_depths_are_below_the_water_where_the_draught_is_known(tmp_path: Path, d
             list(line_clouds(path, [], LineReading(draught=1.0)))
 
 
-@pytest.mark.parametrize("suffix", [".gsf", ".all"])
+@pytest.mark.parametrize("suffix", [".gsf", ".all", ".kmall"])
 def test_soundings_are_placed_in_the_world(tmp_path: Path, suffix: str) -> None:
     line = read(written(tmp_path, suffix))
     np.testing.assert_allclose(line.stamps, LINE.stamps, atol=1e-3)
@@ -250,7 +251,7 @@ WRONG: list[tuple[str, Callable[[], bytes], str]] = [
     (".all", lambda: EM.swath(LINE, 0, 1.0), "no position near its pings; record positions"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-v03.09\0\0", "it holds no ping with soundings"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-x03", "the GSF library cannot read it"),
-    (".kmall", lambda: b"\0\1\0\0#IIP" + bytes(90), "no maintained library reads Kongsberg's .kmall; convert it"),
+    (".kmall", lambda: kmall_file.installation(START), "it holds no soundings; wanted datagrams #MRZ: give the line's"),
     (
         ".s7k",
         lambda: b"x",
@@ -276,7 +277,7 @@ def test_a_file_that_was_cut_keeps_its_first_pings(tmp_path: Path, suffix: str) 
     assert any("damaged or cut" in note for note in cut.notes)
 
 
-@pytest.mark.parametrize("suffix", [".xtf", ".all"])
+@pytest.mark.parametrize("suffix", [".xtf", ".all", ".kmall"])
 def test_pings_after_damage_are_kept(tmp_path: Path, suffix: str) -> None:
     path = written(tmp_path, suffix)
     content = path.read_bytes()
@@ -351,7 +352,7 @@ def test_a_line_of_rejected_soundings_is_refused(tmp_path: Path) -> None:
     assert len(read_line(path, [], all_soundings=True).points) == 27
 
 
-@pytest.mark.parametrize("suffix", [".gsf", ".all"])
+@pytest.mark.parametrize("suffix", [".gsf", ".all", ".kmall"])
 def test_all_soundings_keep_what_the_file_flags(tmp_path: Path, suffix: str) -> None:
     line = read_line(written(tmp_path, suffix), [], all_soundings=True)
     np.testing.assert_allclose(line.points, LINE.points.reshape(-1, 3) * [1, -1, -1], atol=TOLERANCE)
