@@ -24,7 +24,7 @@ from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.extras import require
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.pings.gsf_child import HEAD
-from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled
+from sonarmap.tools.files.readers.pings.recorded import SINGLE_BEAM, RecordedLine, assembled
 from sonarmap.tools.files.user_file import unreadable
 
 _CHILD = Path(__file__).with_name("gsf_child.py")
@@ -40,7 +40,7 @@ class _Answer:
 
     heads: list[np.ndarray] = field(default_factory=list)  # (len(HEAD),) each
     rows: list[np.ndarray] = field(default_factory=list)  # (n, 4) each: x, y, z, whether it is rejected
-    words: dict[str, str] = field(default_factory=dict)  # the last values of "echo_sounder" and "datum"
+    words: dict[str, str] = field(default_factory=dict)  # the last values of "echo_sounder", "datum", "single_beam"
     faults: list[str] = field(default_factory=list)
 
 
@@ -52,6 +52,8 @@ def read_gsf(path: Path) -> RecordedLine:
     require_memory("the file, unpacked,", _GROWTH * size, "split it")
     answer, end = _run_child(path, _START_TIMEOUT + size / _MIN_RATE)
     notes, count = list[str](), len(answer.heads)
+    if not count and "single_beam" in answer.words:
+        raise InputError(SINGLE_BEAM)
     if not count and (end or answer.faults):
         raise InputError(f"the GSF library cannot read it ({end or answer.faults[0]}); write or copy it again")
     if not count:

@@ -21,7 +21,7 @@ HEAD = (
     *("sound_speed", "is_nominal", "forward", "starboard", "down", "draft"),
 )
 _END = -23  # GSF_READ_TO_END_OF_FILE
-_PING, _PARAMETERS = 2, 4  # kinds of records
+_PING, _PARAMETERS, _SINGLE_BEAM = 2, 4, 10  # kinds of records
 _MEMORY = 4 << 30  # [bytes], limit of the address space
 _MAX_GROWTH = 64  # bytes of output per byte of the file: a sounding of 3 bytes becomes 32
 _MAX_FAULTS = 50  # consecutive records that cannot be decoded
@@ -78,6 +78,9 @@ def _print_pings(path: str, out: BinaryIO) -> None:
                 _say(out, words)
                 last_words = words
             budget -= _print_ping(record.mb_ping, parameters, out)
+        elif identity.recordID == _SINGLE_BEAM and not last_words:
+            last_words = {"single_beam": "ping"}
+            _say(out, last_words)
     else:
         _say(out, {"fault": "records that do not end"})
 
@@ -109,10 +112,11 @@ def _parameters(record) -> dict[str, str]:
 def _print_ping(ping, parameters: dict[str, str], out: BinaryIO) -> int:
     """Print a ping; return its number of bytes, 0 if it has no soundings."""
     count, depths = ping.number_beams, ping.depth or ping.nominal_depth
-    if count <= 0 or not depths or not ping.across_track:
+    if count <= 0 or not depths or not (ping.across_track or count == 1):
         return 0
     rows = np.zeros((count, 4))
-    rows[:, 1] = -np.ctypeslib.as_array(ping.across_track, (count,))
+    if ping.across_track:
+        rows[:, 1] = -np.ctypeslib.as_array(ping.across_track, (count,))
     rows[:, 2] = -np.ctypeslib.as_array(depths, (count,))
     if ping.along_track:
         rows[:, 0] = np.ctypeslib.as_array(ping.along_track, (count,))

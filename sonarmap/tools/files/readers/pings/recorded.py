@@ -15,6 +15,10 @@ from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.navigation.settings import rounded_origin
 
 NO_DRAUGHT = "Depths are below the transducer; the file does not give its draught (--draught M)."
+SINGLE_BEAM = (
+    "a single beam: no swath to register; give lines of a multibeam echo sounder. To check their map with its depths, "
+    "export these as LAZ, and run `sonarmap compare MAP FILE.laz`"
+)
 _AHEAD = np.array([1e-4, 0.0, 0.0])  # degrees of latitude, about 11 m: a step to the North
 _MAX_RANGE = 15_000.0  # [m], of a sounding; the ocean is 11 km deep
 _MAX_STAMP = 4102444800.0  # the year 2100 [s, UTC]: a later stamp is damaged
@@ -101,6 +105,8 @@ def assembled(
     if not len(order):
         why = f"; {'; '.join(notes)}" if notes else ""
         raise InputError(f"no ping with a time, a position and soundings in it{why}; give a recorded line")
+    if max(len(points[k]) for k in order) == 1:
+        raise InputError(SINGLE_BEAM)
     pings = np.repeat(np.arange(len(order)), [len(points[k]) for k in order])
     soundings = np.concatenate([points[k] for k in order])
     near = (np.abs(soundings) <= _MAX_RANGE).all(axis=1)  # NaN is left out too

@@ -1,13 +1,19 @@
 """Lines of multibeam echo sounders: soundings come back in the world, flags are honored, levers by hand arithmetic."""
 
+import ctypes
 import re
 import struct
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from gsfpy3_09 import bindings
+from gsfpy3_09.enums import FileMode
+from gsfpy3_09.gsfDataID import c_gsfDataID
+from gsfpy3_09.gsfRecords import c_gsfRecords
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import Georeference
@@ -362,6 +368,21 @@ def test_all_soundings_keep_what_the_file_flags(tmp_path: Path, suffix: str) -> 
     assert line.rejected == 0
     patches = list(line_clouds(tmp_path / f"line{suffix}", [], LineReading(all_soundings=True)))
     assert sum(len(patch.points) for patch in patches) == LINE.rejected.size
+
+
+def test_a_single_beam_is_named_as_one(tmp_path: Path) -> None:
+    """Pings of one beam, and GSF's own records of a single beam."""
+    words = "line.gsf: a single beam: no swath to register; give lines of a multibeam .* `sonarmap compare MAP"
+    one = replace(LINE, points=LINE.points[:, :1].copy(), rejected=LINE.rejected[:, :1])
+    refuses(words, read, write_gsf(tmp_path / "line.gsf", one))
+    opened, identity, record = ctypes.c_int(), c_gsfDataID(), c_gsfRecords()
+    path = tmp_path / "line.gsf"
+    assert bindings.gsfOpen(str(path).encode(), FileMode.GSF_CREATE, ctypes.byref(opened)) == 0
+    record.sb_ping.ping_time.tv_sec, record.sb_ping.depth, identity.recordID = int(START), 31.5, 10
+    for _ in range(3):
+        assert bindings.gsfWrite(opened, ctypes.byref(identity), ctypes.byref(record)) > 0
+    assert bindings.gsfClose(opened) == 0
+    refuses(words, read, path)
 
 
 def test_beams_without_a_detection_are_never_soundings(tmp_path: Path) -> None:
