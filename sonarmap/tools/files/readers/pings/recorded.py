@@ -111,7 +111,7 @@ def assembled(
     soundings = np.concatenate([points[k] for k in order])
     near = (np.abs(soundings) <= _MAX_RANGE).all(axis=1)  # NaN is left out too
     if not near.any():
-        raise InputError(f"none of the {len(near):,} soundings of its {counted(len(order), 'ping')} has a detection")
+        raise InputError(f"none of its {counted(len(soundings), 'sounding')} has a detection; give a recorded line")
     speeds = [speed for speed in sound_speeds if 1300 < speed < 1700]  # the range in water
     return RecordedLine(
         name,
@@ -120,7 +120,7 @@ def assembled(
         pings=pings[near],
         points=soundings[near],
         flagged=np.concatenate([flagged[k] for k in order])[near],
-        beams=len(near),
+        beams=len(soundings),
         sound_speed=float(np.median(speeds)) if speeds else None,
         notes=notes,
         below_water=below_water,
