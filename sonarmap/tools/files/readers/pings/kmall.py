@@ -1,18 +1,12 @@
 """Reader of Kongsberg's .kmall: soundings with their place and heading, attitudes, and positions for pings without.
 
-Format: Kongsberg 410224, "EM datagrams on *.kmall format". A datagram is its size, its type as #MRZ, its version,
-system and echo sounder, a time, its content, and its size again; it has no checksum. Numbers are little endian.
-Structures give their own sizes, as later versions are longer. A datagram may be split in parts that repeat its header.
-
 Soundings (#MRZ) are corrected for attitude, heave and refraction: x forward, y starboard, z down from the vessel's
 reference point, level. Each ping has the depths of its water line and transducer, so depths count from the water line.
 """
 
 import re
-import struct
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +16,12 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.pings.datagrams import Datagram, layout_of
+from sonarmap.tools.files.readers.pings.kmall_datagrams import Parts, datagrams_in, joined, strided
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, damage
 from sonarmap.tools.files.readers.pings.sensors import UNUSED, USED, Sensors
 from sonarmap.tools.files.user_file import read_content
 
-_HEADER = struct.Struct("<I4sBBHII")  # size, type, version, system, echo sounder, time [s] and its rest [ns]
-_SIZE = struct.Struct("<I")  # after the content
-_TYPE = re.compile(rb"#[A-Z]{3}")
 _PINGS, _POSITION, _MOTION, _INSTALLATION = "#MRZ", "#SPO", "#SKM", "#IIP"
-_PART = layout_of("count:u2 number:u2")  # of a split datagram, the first 1
 _COMMON = layout_of("bytes:u2 ping:u2 fans:u1 fan:u1 swaths:u1 swath:u1 transmitter:u1 receiver:u1")
 _PING = layout_of(
     "bytes:u2 modes:V90 sectors:u2 sector_bytes:u2 heading:f4 sound_speed:f4 transducer:f4 water:f4 offsets:V8 "
@@ -78,7 +69,7 @@ class _Content:
     pings: list[_Ping] = field(default_factory=list)
     sensors: Sensors = field(default_factory=Sensors)
     levers: dict[int, np.ndarray] = field(default_factory=dict)  # {transmitter: (3,) forward, port, up [m]}
-    parts: dict[tuple[float, int], list[dict[int, bytes]]] = field(default_factory=lambda: defaultdict(list))
+    parts: Parts = field(default_factory=lambda: defaultdict(list))
     seen: set[int] = field(default_factory=set)  # hashes of the pings' datagrams
     doubled: int = 0  # pings that the file has twice
     skipped: int = 0  # bytes that are no datagram
@@ -90,7 +81,7 @@ def read_kmall(path: Path) -> RecordedLine:
     content = read_content(path)
     require_memory("the file, unpacked,", _GROWTH * len(content), "split it")
     found = _Content()
-    for datagram in _datagrams_in(content):
+    for datagram in datagrams_in(content):
         if isinstance(datagram, int):
             found.skipped += datagram
             continue
@@ -106,35 +97,9 @@ def read_kmall(path: Path) -> RecordedLine:
     return _line(path.stem, found, damages)
 
 
-def _datagrams_in(content: bytes) -> Iterator[Datagram | int]:
-    """Datagrams; for bytes that are no datagram, their number."""
-    start = 0
-    while start < len(content):
-        if size := _size_at(content, start):
-            _, kind, _, system, model, seconds, nanoseconds = _HEADER.unpack_from(content, start)
-            inner = content[start + _HEADER.size : start + size - _SIZE.size]
-            yield Datagram(kind.decode("ascii"), model, seconds + nanoseconds * 1e-9, system, "<", inner)
-            start += size
-        else:
-            places = (match.start() - _SIZE.size for match in _TYPE.finditer(content, start + 1 + _SIZE.size))
-            following = next((place for place in places if _size_at(content, place)), len(content))
-            yield following - start
-            start = following
-
-
-def _size_at(content: bytes, start: int) -> int:
-    """Size of the datagram at `start`; 0 if there is none."""
-    if start + _HEADER.size > len(content) or not _TYPE.match(content, start + _SIZE.size):
-        return 0
-    size = _SIZE.unpack_from(content, start)[0]
-    end = start + size
-    fits = _HEADER.size + _SIZE.size <= size and end <= len(content)
-    return size if fits and _SIZE.unpack_from(content, end - _SIZE.size)[0] == size else 0
-
-
 def _take(datagram: Datagram, found: _Content) -> None:
     if datagram.kind == _PINGS:
-        if (whole := _joined(datagram, found)) is not None:
+        if (whole := joined(datagram, found.parts)) is not None:
             _take_ping(whole, found)
     elif datagram.kind == _POSITION:
         _take_position(datagram, found.sensors)
@@ -145,26 +110,6 @@ def _take(datagram: Datagram, found: _Content) -> None:
         found.levers |= {int(number) - 1: _lever(values) for number, values in _ARRAY.findall(text)}
 
 
-def _joined(datagram: Datagram, found: _Content) -> Datagram | None:
-    """The datagram without the numbers of its part; None before its last part. Fans of one ping have the same time, so
-    that parts of two may wait for others."""
-    count, number = (int(value) for value in datagram.rows(_PART)[0])
-    if not 1 <= number <= count:
-        raise InputError(f"is part {number} of {count}")
-    content = datagram.content[_PART.itemsize :]
-    if count > 1:
-        waiting = found.parts[datagram.stamp, count]
-        parts = next((parts for parts in waiting if number not in parts), None)
-        if parts is None:
-            waiting.append(parts := {})
-        parts[number] = content
-        if len(parts) < count:
-            return None
-        waiting.remove(parts)
-        content = b"".join(part for _, part in sorted(parts.items()))
-    return replace(datagram, content=content)
-
-
 def _take_ping(datagram: Datagram, found: _Content) -> None:
     common = datagram.rows(_COMMON)[0]
     start = int(common["bytes"])
@@ -172,7 +117,7 @@ def _take_ping(datagram: Datagram, found: _Content) -> None:
     start += int(ping["bytes"]) + int(ping["sectors"]) * int(ping["sector_bytes"])
     received = datagram.rows(_RECEIVED, start)[0]
     start += int(received["bytes"]) + int(received["classes"]) * int(received["class_bytes"])
-    layout, count = _strided(_SOUNDING, int(received["sounding_bytes"])), int(received["main"]) + int(received["extra"])
+    layout, count = strided(_SOUNDING, int(received["sounding_bytes"])), int(received["main"]) + int(received["extra"])
     rows = datagram.rows(layout, start, count)
     if (known := hash(datagram.content)) in found.seen:
         found.doubled += 1
@@ -204,28 +149,20 @@ def _take_position(datagram: Datagram, sensors: Sensors) -> None:
     place, speed, course = datagram.rows(_FIX, start)[0], np.nan, np.nan
     if len(datagram.content) >= start + _FIX.itemsize + _SPEED.itemsize:
         speed, course = (float(value) for value in datagram.rows(_SPEED, start + _FIX.itemsize)[0])
+    if not (0 <= speed < _FASTEST and 0 <= course <= 360):
+        speed = np.nan
     if not status & _INVALID:
-        known = 0 <= speed < _FASTEST and 0 <= course <= 360
         fix = float(place["latitude"]), float(place["longitude"])
         rank, number = USED if status & _ACTIVE else UNUSED, int(sensor["system"]) + 1
-        way = (speed, course) if known else (np.nan, np.nan)
-        sensors.add_position(rank, _POSITION, number, datagram.stamp, fix, *way)
+        sensors.add_position(rank, _POSITION, number, datagram.stamp, fix, speed, course)
 
 
 def _take_motions(datagram: Datagram, sensors: Sensors) -> None:
     head = datagram.rows(_SAMPLES)[0]
-    rows = datagram.rows(_strided(_SAMPLE, int(head["sample_bytes"])), int(head["bytes"]), int(head["count"]))
+    rows = datagram.rows(strided(_SAMPLE, int(head["sample_bytes"])), int(head["bytes"]), int(head["count"]))
     rows = rows[rows["status"] & _WRONG_ATTITUDE == 0]
     values = np.column_stack([rows["seconds"] + rows["nanoseconds"] * 1e-9, rows["roll"], rows["pitch"]])
     sensors.add_motions(USED if head["status"] & _ACTIVE else UNUSED, _MOTION, int(head["system"]) + 1, values)
-
-
-def _strided(words: str, size: int) -> np.dtype:
-    """The layout of fields "name:type", in structures of `size` bytes, of which later versions have more."""
-    layout = layout_of(words)
-    if size < layout.itemsize:
-        raise InputError(f"has structures of {size} bytes; wanted at least {layout.itemsize}")
-    return layout if size == layout.itemsize else layout_of(f"{words} rest:V{size - layout.itemsize}")
 
 
 def _lever(values: str) -> np.ndarray:

@@ -33,8 +33,8 @@ class Sensors:
     ) -> None:
         """Add a position of latitude and longitude [deg]; `speed` [m/s] and `course` [deg] over ground may be NaN."""
         if np.isfinite(stamp) and abs(fix[0]) <= 90 and abs(fix[1]) <= 180:
-            way = np.radians(course)
-            row = [stamp, *fix, speed * np.cos(way), speed * np.sin(way), number]
+            angle = np.radians(course)
+            row = [stamp, *fix, speed * np.cos(angle), speed * np.sin(angle), number]
             self.positions[rank, kind, number if rank else 0].append(np.array([row]))
 
     def add_motions(self, rank: int, kind: str, number: int, rows: np.ndarray) -> None:

@@ -20,7 +20,8 @@ from tests.tools.files.readers.pings.samples import LINE
 
 LONGEST = 5.0  # seconds for a file
 MOST_MEMORY = 300_000  # KiB for all of them
-QUICK, MANY, MANY_KMALL = 5, 500, 2000
+QUICK, MANY = 5, 500
+QUICK_KMALL, MANY_KMALL = 100, 2000
 REAL = DATA / "real" / "kongsberg"
 
 
@@ -62,6 +63,11 @@ def test_damaged_lines_are_refused_or_valid(tmp_path: Path, suffix: str) -> None
     ends = trial(tmp_path, suffix, QUICK, seed=1)
     assert ends["refused"] < QUICK
     assert ends["with notes"]
+
+
+def test_damaged_split_pings_are_refused_or_valid(tmp_path: Path) -> None:
+    ends = trial(tmp_path, ".kmall", QUICK_KMALL, 3, [kmall_file(LINE, parts=3)])
+    assert ends["refused"] < QUICK_KMALL / 2
 
 
 @pytest.mark.slow

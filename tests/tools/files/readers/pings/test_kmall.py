@@ -106,7 +106,7 @@ def test_a_doubled_tail_is_read_once(tmp_path: Path) -> None:
     same(read(tmp_path, content + content[-4:]))  # only the size after the content
 
 
-def test_damage_is_skipped_and_told(tmp_path: Path) -> None:
+def test_damage_is_skipped_and_noted(tmp_path: Path) -> None:
     parts = [level(), *pings()]
     parts[3] = parts[3][:200] + parts[3][230:]
     short = bytearray(parts[6])
