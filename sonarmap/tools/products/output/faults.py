@@ -195,8 +195,8 @@ def _of_scans(
 
 
 def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str]) -> Iterator[str]:
-    """Sentences about consecutive pairs that were not kept, except scans that do not match but lie at measured positions;
-    gaps that nothing bridges come first."""
+    """Sentences about consecutive pairs that were not kept, those that nothing bridges first. Scans at measured
+    positions need not match."""
     shared, joined = (
         {scan: c for c, members in enumerate(parts) for scan in members}
         for parts in (result.components, components(len(names), result.edges))
