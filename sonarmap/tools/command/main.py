@@ -28,7 +28,7 @@ from sonarmap.tools.files.user_file import require_file
 # file. Its docstring is the help, which lists the verbs in these groups and this order.
 GROUPS = {
     "Survey": ("record", "live", "inspect", "map"),
-    "Finished map": ("view", "export", "locate", "section", "volume", "compare"),
+    "Finished map": ("view", "export", "locate", "section", "volume", "compare", "accept"),
     "Pair and graph": ("register", "optimize"),
     "Machine": ("doctor", "devices"),
     "Laboratory": ("simulate", "evaluate", "reproduce", "bench"),

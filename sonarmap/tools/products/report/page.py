@@ -45,15 +45,17 @@ def report_text(content: Content) -> str:
     of part N are in the element points-N."""
     shown = content.shown
     elements = [
-        f'<script type="application/gzip" id="points-{number}">{_base64(data)}</script>'
+        f'<script type="application/gzip" id="points-{number}">{base64_text(data)}</script>'
         for number, data in enumerate(content.points)
     ]
     return Template(part(REPORT_WEB, "page.html")).substitute(
         joined([(REPORT_WEB, "page.css")], [(REPORT_WEB, name) for name in SCRIPTS]),
-        title=_escaped(shown["title"]),
-        verdict=_escaped(shown["verdict"]["sentence"]),
+        title=escaped(shown["title"]),
+        verdict=escaped(shown["verdict"]["sentence"]),
         content=embedded(shown),
-        pictures=embedded({name: f"data:image/png;base64,{_base64(data)}" for name, data in content.pictures.items()}),
+        pictures=embedded(
+            {name: f"data:image/png;base64,{base64_text(data)}" for name, data in content.pictures.items()}
+        ),
         points="\n".join(elements),
     )
 
@@ -76,11 +78,11 @@ def embedded(value: Any) -> str:
     return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
     return html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
-def _base64(data: bytes) -> str:
+def base64_text(data: bytes) -> str:
     return b64encode(data).decode("ascii")
 
 

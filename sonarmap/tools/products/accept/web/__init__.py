@@ -1,0 +1,1 @@
+"""The page's HTML template and its style."""
