@@ -1,7 +1,7 @@
-"""Differences between passes over the same place, as observed and as the poses' covariances predict them.
+"""Differences between passes over the same place, as observed and as the poses' joint covariance predicts them.
 
-Two scans' heights of a place differ by the relative error of their poses, and by noise. Where the observed differences
-are much larger than predicted, the stated uncertainties are too small.
+Where the observed differences, which contain the soundings' noise too, are much larger than the predicted ones, the
+stated uncertainties are too small.
 """
 
 from dataclasses import dataclass
@@ -13,11 +13,9 @@ from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, LINES, as_written
 from sonarmap.tools.files.readers.trajectory import read_graph_json
 from sonarmap.tools.files.user_file import read_json
-from sonarmap.tools.products.accept.cells import DepthCells
 from sonarmap.tools.products.compare.surface import levers
 
 _MEDIAN = 0.67449  # median of |x| / sigma of a normal distribution
-_PLANE = 1 + 1 / 8  # variance of a point's distance from the plane through eight others, over its own
 _MOST = 50  # largest number of crossings whose covariances are computed
 
 
@@ -29,14 +27,14 @@ class CrossingCheck:
         pairs: number of pairs of scans that cross.
         observed_m, predicted_m: medians of the distance between two scans [m].
         lines_observed_m, lines_predicted_m: standard deviations of the difference of two lines' heights [m]; the
-            prediction is that of the crossing scans' poses.
+            prediction is that of the crossing scans.
     """
 
     pairs: int
-    observed_m: float | None = None
-    predicted_m: float | None = None
-    lines_observed_m: float | None = None
-    lines_predicted_m: float | None = None
+    observed_m: float | None
+    predicted_m: float | None
+    lines_observed_m: float | None
+    lines_predicted_m: float | None
 
 
 def relative_sigmas(joint: np.ndarray, pairs: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -48,19 +46,21 @@ def relative_sigmas(joint: np.ndarray, pairs: np.ndarray, places: np.ndarray) ->
         places: (m, 3) [m], in the frame of the poses.
     """
     J = levers(places, np.tile([0.0, 0.0, 1.0], (len(places), 1)))
-    blocks = joint.reshape(len(joint) // 6, 6, -1, 6)
-    i, j = pairs.T
+    blocks, (i, j) = joint.reshape(len(joint) // 6, 6, -1, 6), pairs.T
     relative = blocks[i, :, i] + blocks[j, :, j] - blocks[i, :, j] - blocks[j, :, i]
     return np.sqrt(np.maximum(np.einsum("ma,mab,mb->m", J, relative, J), 0.0))
 
 
-def crossing_check(folder: Map, cells: DepthCells) -> CrossingCheck:
+def crossing_check(folder: Map) -> CrossingCheck:
     """Observed and predicted crossings of the map's largest part."""
-    part = folder.parts[0]
-    rows = [row for row in folder.graph.get("crossings") or () if row["i"] in part.scans and row["j"] in part.scans]
-    lines = _lines_observed(folder)
+    part, lines = folder.parts[0], None
+    rows = [row for row in folder.graph["crossings"] if {row["i"], row["j"]} <= set(part.scans)]
+    if (folder.path / LINES).is_file():
+        with as_written(folder.path):
+            crossings = read_json(folder.path / LINES, "the lines.json of a map")["crossings"]
+            lines = crossings and crossings["after"]["all"]["std_m"]
     if not rows:
-        return CrossingCheck(0, lines_observed_m=lines)
+        return CrossingCheck(0, None, None, lines, None)
     some = rows[:: -(-len(rows) // _MOST)]
     scans, pairs = np.unique([[row["i"], row["j"]] for row in some], return_inverse=True)
     joint = joint_covariance(read_graph_json(folder.path / FULL_GRAPH), scans.tolist())
@@ -68,21 +68,6 @@ def crossing_check(folder: Map, cells: DepthCells) -> CrossingCheck:
     seen = [part.points[np.isin(part.columns["scan"], (row["i"], row["j"]))] for row in some]
     places = np.array([(points if len(points) else part.points).mean(axis=0) for points in seen])
     sigmas = relative_sigmas(joint, pairs.reshape(-1, 2), places)
-    noise = float(np.median(cells.scatter))
-    return CrossingCheck(
-        len(rows),
-        float(np.median([row["after_m"] for row in some])),
-        float(np.median(_MEDIAN * np.sqrt(sigmas**2 + _PLANE * noise**2))),
-        lines,
-        None if lines is None else float(np.sqrt((sigmas**2).mean())),
-    )
-
-
-def _lines_observed(folder: Map) -> float | None:
-    """Standard deviation of the differences of lines in lines.json [m]; None without."""
-    path = folder.path / LINES
-    if not path.is_file():
-        return None
-    with as_written(folder.path):
-        crossings = read_json(path, "the lines.json of a map")["crossings"]
-        return crossings and crossings["after"]["all"]["std_m"]
+    observed, predicted = np.median([row["after_m"] for row in some]), _MEDIAN * np.median(sigmas)
+    of_lines = None if lines is None else float(np.sqrt((sigmas**2).mean()))
+    return CrossingCheck(len(rows), float(observed), float(predicted), lines, of_lines)

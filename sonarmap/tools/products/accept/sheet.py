@@ -204,4 +204,4 @@ def sheet_of(folder: Map, asked: str, cell: float | None, datum: tuple[float, fl
     cells = depth_cells(folder, cell or max(ORDERS[asked].feature, default_cell(folder.voxel)), datum)
     verdicts = {key: Verdict.of(order, cells) for key, order in ORDERS.items()}
     depths = "the zero of the navigation's depths" if here is None else VERTICALS[here.vertical]
-    return Sheet(folder, asked, verdicts, crossing_check(folder, cells), depths)
+    return Sheet(folder, asked, verdicts, crossing_check(folder), depths)
