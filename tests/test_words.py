@@ -11,7 +11,7 @@ from tests.samples.places import ROOT
 from tests.test_docs import PACKAGES, PAGES, named
 
 WEB = sorted((ROOT / "sonarmap/tools/products/report/web").rglob("*.js"))
-WEB += sorted((ROOT / "sonarmap/tools/products/report/web").rglob("*.html"))
+WEB += sorted((ROOT / "sonarmap/tools/products").rglob("*.html"))
 REFUSED = {  # pattern: what a colleague would say
     r"\bhears?\b|\bheard\b": "--x has no effect with y",
     r"\bparted by\b": "separated by",

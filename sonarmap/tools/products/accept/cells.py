@@ -65,13 +65,6 @@ class DepthCells:
     datum: float
 
     @property
-    def filled(self) -> np.ndarray:
-        """(rows, columns) bool: which cells of the rectangle around them have soundings."""
-        grid = np.zeros((int(self.row.max()) + 1, int(self.column.max()) + 1), bool)
-        grid[self.row, self.column] = True
-        return grid
-
-    @property
     def terms(self) -> dict[str, np.ndarray]:
         """Parts of the TVU by cause, (K,) [m] each, 95 %; `slope` is what horizontal shifts add to vertical ones."""
         return {name: VERTICAL * np.sqrt(np.maximum(part, 0.0)) for name, part in self._variances.items()}

@@ -10,7 +10,7 @@ import numpy as np
 
 from sonarmap.slam.graph.pose_covariance import joint_covariance
 from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.names import FULL_GRAPH, LINES, as_written
+from sonarmap.tools.files.map_folder.names import FULL_GRAPH, LINES
 from sonarmap.tools.files.readers.trajectory import read_graph_json
 from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.products.compare.surface import levers
@@ -56,9 +56,8 @@ def crossing_check(folder: Map) -> CrossingCheck:
     part, lines = folder.parts[0], None
     rows = [row for row in folder.graph["crossings"] if {row["i"], row["j"]} <= set(part.scans)]
     if (folder.path / LINES).is_file():
-        with as_written(folder.path):
-            crossings = read_json(folder.path / LINES, "the lines.json of a map")["crossings"]
-            lines = crossings and crossings["after"]["all"]["std_m"]
+        crossings = read_json(folder.path / LINES, "the lines.json of a map")["crossings"]
+        lines = crossings and crossings["after"]["all"]["std_m"]
     if not rows:
         return CrossingCheck(0, None, None, lines, None)
     some = rows[:: -(-len(rows) // _MOST)]

@@ -3,7 +3,6 @@
 Nothing heavy is imported here: the command line's help names the orders.
 """
 
-import math
 from dataclasses import dataclass
 
 STANDARD = "IHO S-44 edition 6.1"
@@ -29,13 +28,8 @@ class Order:
     coverage: float
     feature: float = 2.0
 
-    @property
-    def passes(self) -> int:
-        """Number of scans that have to see a cell."""
-        return max(1, math.ceil(self.coverage))
 
-
-# The strictest first. Order 1a asks for a coverage "up to 100 %"; no order may have less than 5 % (section 3.5.2).
+# The strictest first. Order 1a asks for a coverage "up to 100 %"; no order may have less than 5 % of the area.
 ORDERS = {
     "exclusive": Order("Exclusive Order", 0.15, 0.0075, 1.0, 0.0, 2.0, 0.5),
     "special": Order("Special Order", 0.25, 0.0075, 2.0, 0.0, 1.0, 1.0),

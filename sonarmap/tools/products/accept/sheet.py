@@ -11,6 +11,7 @@ from scipy.ndimage import binary_fill_holes, binary_opening
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import VERTICALS
 from sonarmap.tools.files.map_folder.folder import Map
+from sonarmap.tools.files.map_folder.names import as_written
 from sonarmap.tools.products.accept.cells import DepthCells, depth_cells
 from sonarmap.tools.products.accept.crossings import CrossingCheck, crossing_check
 from sonarmap.tools.products.accept.orders import ORDERS, STANDARD, Order
@@ -55,7 +56,8 @@ class Verdict:
 
     @classmethod
     def of(cls, order: Order, cells: DepthCells) -> "Verdict":
-        filled = cells.filled
+        filled = np.zeros((int(cells.row.max()) + 1, int(cells.column.max()) + 1), bool)
+        filled[cells.row, cells.column] = True
         empty = binary_fill_holes(filled) & ~filled
         holes = binary_opening(empty, np.ones((2, 2), bool)) & (order.coverage >= 1)
         return cls(order, cells, holes, float(filled.sum() / (filled.sum() + empty.sum())))
@@ -70,7 +72,7 @@ class Verdict:
     def reason(self) -> np.ndarray:
         """(K,) int64 index into REASONS of why each cell fails; -1 where it meets the order."""
         cells, (vertical, horizontal) = self.cells, self.limits
-        failed = np.where(cells.passes < self.order.passes, _NAMES.index("coverage"), -1)
+        failed = np.where(cells.passes < self.order.coverage, _NAMES.index("coverage"), -1)
         failed = np.where(cells.thu > horizontal, _NAMES.index("position"), failed)
         return np.where(cells.tvu > vertical, np.argmax(list(cells.terms.values()), axis=0), failed)
 
@@ -201,7 +203,9 @@ def sheet_of(folder: Map, asked: str, cell: float | None, datum: tuple[float, fl
             f"the depths and positions of {folder.path} are not known: no prior measures {', '.join(missing)}; map "
             "again with --priors FILE that has them"
         )
-    cells = depth_cells(folder, cell or max(ORDERS[asked].feature, default_cell(folder.voxel)), datum)
+    with as_written(folder.path):
+        cells = depth_cells(folder, cell or max(ORDERS[asked].feature, default_cell(folder.voxel)), datum)
+        crossings = crossing_check(folder)
     verdicts = {key: Verdict.of(order, cells) for key, order in ORDERS.items()}
     depths = "the zero of the navigation's depths" if here is None else VERTICALS[here.vertical]
-    return Sheet(folder, asked, verdicts, crossing_check(folder), depths)
+    return Sheet(folder, asked, verdicts, crossings, depths)

@@ -29,7 +29,7 @@ SCENES = (
     *("shallow", "sandflat", "rubble", "shallow", "rubble", "sandflat", "shallow", "rubble", "shallow", "sandflat"),
     *("shallow", "rubble", "shallow", "sandflat", "rubble", "shallow", "rubble", "sandflat", "shallow", "rubble"),
 )
-SURVEYS = list(zip(SCENES, range(11, 31), strict=True))
+SURVEYS = list(zip(SCENES, range(2401, 2421), strict=True))
 KINDS, FIX = ("attitude", "heading", "depth", "position"), 0.5
 DRAWS = 10
 _MEDIAN = 0.67449  # of |x| / sigma of a normal distribution
@@ -37,7 +37,7 @@ _MEDIAN = 0.67449  # of |x| / sigma of a normal distribution
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Errors of K cells' depths and their stated 95 % uncertainties [m]."""
+    """Errors of K cells' depths and of M points' positions, each with its stated 95 % uncertainty [m]."""
 
     total: np.ndarray
     tvu: np.ndarray
@@ -45,10 +45,12 @@ class Errors:
     by_poses: np.ndarray
     rest: np.ndarray
     noise: np.ndarray
+    shift: np.ndarray
+    thu: np.ndarray
 
     @property
     def row(self) -> list[str]:
-        pairs = ((self.total, self.tvu), (self.poses, self.by_poses), (self.rest, self.noise))
+        pairs = ((self.total, self.tvu), (self.poses, self.by_poses), (self.rest, self.noise), (self.shift, self.thu))
         shares = [f"{100 * (np.abs(error) <= stated).mean():.1f} %" for error, stated in pairs]
         ratio = np.median(np.abs(self.poses) / self.by_poses) * VERTICAL / _MEDIAN
         return [f"{len(self.tvu)}", f"{np.median(self.tvu):.3f}", *shares, f"{ratio:.2f}"]
@@ -76,19 +78,31 @@ def at_poses(folder: Map, T_world_sensor: RigidTransform) -> Map:
     return replace(folder, parts=(replace(part, points=points, trajectory=trajectory),))
 
 
-def errors_of(found: DepthCells, at_truth: DepthCells, scans: Path) -> Errors:
-    """Errors of cells' depths; cells that the scene or the map at the true poses lacks are left out."""
-    settings = read_settings(scans / "description.json")
-    place = np.column_stack([found.column, found.row]) + found.low
-    rays = np.column_stack([(place + 0.5) * found.cell, np.zeros(len(place))])
+def errors_of(map_: Map, truth: RigidTransform, scans: Path) -> Errors:
+    """Errors of a map whose scans are truly at `truth`; cells that the scene or the map there lacks are left out."""
+    found, there = depth_cells(map_, 1.0), depth_cells(at_poses(map_, truth), 1.0)
+    settings, places, points = read_settings(scans / "description.json"), place_of(found), map_.parts[0].points
+    rays = np.column_stack([places + 0.5, np.zeros(len(places))])
     depth, _ = build_scene(settings.scene, settings.seed).intersect(rays, np.tile([0.0, 0.0, -1.0], (len(rays), 1)))
-    keys = (np.column_stack([at_truth.column, at_truth.row]) + at_truth.low).tolist()
-    there = dict(zip(map(tuple, keys), at_truth.depth.tolist(), strict=True))
-    moved = np.array([there.get(tuple(each), np.nan) for each in place.tolist()])
+    moved = looked_up(places, place_of(there), there.depth)
     usable = np.isfinite(depth) & np.isfinite(moved)
     by_poses = np.hypot(found.terms["poses"], found.terms["slope"])
     columns = (found.depth - depth, found.tvu, found.depth - moved, by_poses, moved - depth, found.terms["noise"])
-    return Errors(*(column[usable] for column in columns))
+    shift = np.linalg.norm((at_poses(map_, truth).parts[0].points - points)[:, :2], axis=1)
+    thu = looked_up(np.floor(points[:, :2]), places, found.thu)
+    inside = np.isfinite(thu)
+    return Errors(*(column[usable] for column in columns), shift[inside], thu[inside])
+
+
+def place_of(cells: DepthCells) -> np.ndarray:
+    """(K, 2) lower left corners [m] of cells of 1 m."""
+    return (np.column_stack([cells.column, cells.row]) + cells.low).astype(np.float64)
+
+
+def looked_up(places: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(N,) values of the cells at places (N, 2), from the values (K,) of the cells at places (K, 2); NaN without."""
+    table = dict(zip(map(tuple, known.tolist()), values.tolist(), strict=True))
+    return np.array([table.get(tuple(place), np.nan) for place in places.tolist()])
 
 
 def measured(folder: Path, draws: int) -> Iterator[tuple[str, Errors, list[Errors]]]:
@@ -97,15 +111,14 @@ def measured(folder: Path, draws: int) -> Iterator[tuple[str, Errors, list[Error
         scans, mapped = made(folder, scene, seed)
         map_ = read_map_folder(mapped)
         every = read_tum(scans / "truth.tum").T_world_sensor
-        members = list(map_.parts[0].scans)
-        at_truth = depth_cells(at_poses(map_, every[members]), 1.0)
+        truth = every[list(map_.parts[0].scans)]
         graph = read_graph_json(mapped / "graph.json")
         drawn = []
         for draw in range(draws):
             priors = tuple(enumerate(measure_poses(every, instruments_for(KINDS, FIX), 1000 * seed + draw)))
             T = replace(graph, priors=priors).optimize(covariances=False).trajectory.T_world_sensor
-            drawn.append(errors_of(depth_cells(at_poses(map_, T[members]), 1.0), at_truth, scans))
-        yield f"{scene} {seed}", errors_of(depth_cells(map_, 1.0), at_truth, scans), drawn
+            drawn.append(errors_of(at_poses(map_, T[list(map_.parts[0].scans)]), truth, scans))
+        yield f"{scene} {seed}", errors_of(map_, truth, scans), drawn
 
 
 def joined(errors: list[Errors]) -> Errors:
@@ -114,17 +127,27 @@ def joined(errors: list[Errors]) -> Errors:
 
 
 def main(folder: Path, draws: int = DRAWS) -> None:
-    names = ("survey", "cells", "TVU [m]", "depths within", "poses' part", "noise", "poses", "other navigation")
+    names = (
+        "survey",
+        "cells",
+        "TVU [m]",
+        "depths within",
+        "poses' part",
+        "noise",
+        "positions",
+        "poses",
+        "other navigation",
+    )
     print("|", " | ".join(names), "|")
-    print("| --- " * 8 + "|")
+    print("| --- " * len(names) + "|")
     once: list[Errors] = []
     again: list[Errors] = []
     for name, errors, drawn in measured(folder, draws):
         once.append(errors)
         again += drawn
         print("|", " | ".join([name, *errors.row, joined(drawn).row[2] if drawn else ""]), "|", flush=True)
-    for kind in ("beds", "all"):
-        pick = [k for k, (scene, _) in enumerate(SURVEYS) if kind == "all" or scene != "rubble"]
+    for kind in ("beds", "rubble", "all"):
+        pick = [k for k, (scene, _) in enumerate(SURVEYS) if kind == "all" or (kind == "rubble") == (scene == "rubble")]
         more = [each for k in pick for each in again[draws * k : draws * (k + 1)]]
         print("|", " | ".join([kind, *joined([once[k] for k in pick]).row, joined(more).row[2] if more else ""]), "|")
         if more:

@@ -17,6 +17,7 @@ from sonarmap.tools.files.readers.trajectory import read_graph_json
 from sonarmap.tools.products.accept.cells import VERTICAL, DepthCells, circle_radius, depth_cells
 from sonarmap.tools.products.accept.crossings import crossing_check, relative_sigmas
 from tests.tools.products.accept.made_up import DEPTH, SLOPE, bed, map_folder, strip
+from tests.tools.products.accept.measured import joined, measured
 
 DRAWS = 400
 
@@ -124,6 +125,15 @@ def test_the_correction_of_a_lever_arm_counts_by_its_size(tmp_path: Path) -> Non
     assert (thu < 1.6 * size).all()
     exact = replace(folder, summary={**folder.summary, "systematic": None})
     assert depth_cells(exact, 1.0).thu.max() < 0.5 * size
+
+
+@pytest.mark.slow
+def test_depths_of_a_simulated_survey_are_within_their_uncertainty(tmp_path: Path) -> None:
+    """With errors of the navigation drawn anew ten times; `measured.py` does so for 20 surveys."""
+    _, once, again = next(measured(tmp_path, 10))
+    every = joined([once, *again])
+    assert 0.9 <= (np.abs(every.total) <= every.tvu).mean() <= 1.0
+    assert 0.85 <= (np.abs(every.poses) <= every.by_poses).mean() <= 0.995
 
 
 def test_impossible_cells_are_refused(folder: Map) -> None:
