@@ -91,7 +91,7 @@ def errors_of(map_: Map, truth: RigidTransform, scans: Path) -> Errors:
     shift = np.linalg.norm((at_poses(map_, truth).parts[0].points - points)[:, :2], axis=1)
     thu = looked_up(np.floor(points[:, :2]), places, found.thu)
     inside = np.isfinite(thu)
-    return Errors(*(column[usable] for column in columns), shift[inside], thu[inside])
+    return Errors(*(column[usable] for column in columns), shift=shift[inside], thu=thu[inside])
 
 
 def place_of(cells: DepthCells) -> np.ndarray:
@@ -127,17 +127,8 @@ def joined(errors: list[Errors]) -> Errors:
 
 
 def main(folder: Path, draws: int = DRAWS) -> None:
-    names = (
-        "survey",
-        "cells",
-        "TVU [m]",
-        "depths within",
-        "poses' part",
-        "noise",
-        "positions",
-        "poses",
-        "other navigation",
-    )
+    within = ("depths within", "poses' part", "noise", "positions")
+    names = ("survey", "cells", "TVU [m]", *within, "error of poses / stated", "other navigation")
     print("|", " | ".join(names), "|")
     print("| --- " * len(names) + "|")
     once: list[Errors] = []
