@@ -10,7 +10,7 @@ from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.geometry import covariance_at_sensor, rotated
 from sonarmap.spectral.grid import Grid, coarse_edge
-from sonarmap.spectral.verify.fit import CALIBRATION, Fit, principal_axes
+from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.verifier import Observability
 
@@ -20,6 +20,7 @@ _DOUBTS = 2.0  # standard errors up to which the information of planes is not si
 _UNHELD = 10.0  # sigma of an unconstrained direction [half turns; grid edges]
 _LEAST = 1e-9  # minimum information in any direction [points]
 _WHITENING = 1  # index of the one of `WHITENINGS` that shows best how far scans can slide
+_MOST_EXPONENT = 50.0  # of an exponential function
 _RARE = 0.03  # less probable slides are outliers, left to the graph's outlier rejection
 
 
@@ -38,10 +39,22 @@ class Slide:
     weight: float
     reach: float  # root mean square length of a slide [voxels of the coarse grid]
 
-    def variance(self, seen: Observability, grid: Grid) -> np.ndarray:
-        """(3,) [voxels^2], along the axes of `seen`."""
-        slid = expit(self.odds + self.weight * slides_of(seen)[:, 0])
-        return np.maximum(slid - _RARE, 0.0) * (self.reach * grid.edge / coarse_edge(grid.edge)) ** 2
+    def variance(self, seen: Observability, grid: Grid, prior: PriorTerm | None = None) -> np.ndarray:
+        """(3,) [voxels^2], along the axes of `seen`; of slides within the prior, about the pose by the scans alone.
+
+        After a slide the pose is farther from what instruments measured, so that by Bayes' rule they exclude slides
+        beyond their sigmas.
+        """
+        slid = np.maximum(expit(self.odds + self.weight * slides_of(seen)[:, 0]) - _RARE, 0.0)
+        reach = (self.reach * grid.edge / coarse_edge(grid.edge)) ** 2
+        if prior is None:
+            return slid * reach
+        measured = np.linalg.inv(prior.information() + _unknown(grid))[3:, 3:]
+        variance = np.einsum("ia,ij,ja->a", seen.axes, measured, seen.axes)
+        off = seen.axes.T @ (np.linalg.pinv(prior.jacobian) @ prior.residual)[3:]
+        nearer = off**2 / 2 * (1 / variance - 1 / (variance + reach))
+        ratio = np.sqrt(variance / (variance + reach)) * np.exp(np.minimum(nearer, _MOST_EXPONENT))
+        return slid * ratio / (slid * ratio + 1 - slid) * variance * reach / (variance + reach)
 
 
 SLIDE = Slide(**FITTED["slide"])
@@ -65,13 +78,15 @@ def fit_covariance(
     grid: Grid,
     seen: Observability | None = None,
     slide: Slide = SLIDE,
+    is_measured: bool = True,
 ) -> PoseCovariance:
     """The covariance of a refined pose, whose evidence is measured on the whole grid.
 
     Rotation and translation are estimated jointly. The variance is large along a bare wall, and in three directions for
     a single plane: sigmas reach ten times half a turn and the grid's edge. `centers` are the target's and the source's
     grid centers, (3,) each [m, each in its sensor frame]. `seen` is the observability at the pose, None if it was not
-    measured.
+    measured. A prior excludes slides only if it `is_measured` by instruments: the usual motion is learned from poses
+    that may have slid.
     """
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
@@ -80,8 +95,9 @@ def fit_covariance(
     by_scans = _by_planes(hypothesis) + CALIBRATION.systematic(*away, lever, fit.stretch is not None)
     by_scans *= CALIBRATION.other_kinds
     if seen is not None:
-        by_scans[3:, 3:] += (seen.axes * slide.variance(seen, grid)) @ seen.axes.T
-    unknown = np.diag((_UNHELD * np.repeat([np.pi, float(grid.edge)], 3)) ** -2.0)
+        prior = fit.prior.moved(fit.step) if fit.prior is not None and is_measured else None
+        by_scans[3:, 3:] += (seen.axes * slide.variance(seen, grid, prior)) @ seen.axes.T
+    unknown = _unknown(grid)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
     posterior, by_instruments, step = by_scans, None, fit.step
     if fit.prior is not None:
@@ -98,6 +114,11 @@ def fit_covariance(
     )
     # pyrefly: ignore[bad-argument-type]
     return PoseCovariance(*at_sensor, step=step)
+
+
+def _unknown(grid: Grid) -> np.ndarray:
+    """(6, 6) information of a direction that nothing constrains [1/rad^2, 1/voxels^2]."""
+    return np.diag((_UNHELD * np.repeat([np.pi, float(grid.edge)], 3)) ** -2.0)
 
 
 def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:

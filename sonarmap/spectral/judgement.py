@@ -282,4 +282,5 @@ def no_candidates(extent: float) -> Registration:
 
 
 def _covariance(pair: PairFrames, hypothesis: Hypothesis, seen: Observability | None = None) -> PoseCovariance:
-    return fit_covariance(hypothesis, (pair.target.volume.center, pair.source.volume.center), pair.grid, seen)
+    centers = pair.target.volume.center, pair.source.volume.center
+    return fit_covariance(hypothesis, centers, pair.grid, seen, is_measured=pair.bounds.by_instruments)

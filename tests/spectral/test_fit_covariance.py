@@ -14,7 +14,7 @@ from sonarmap.spectral.covariance import Slide, covers, fit_covariance
 from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.fit import Fit, PriorTerm
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.verifier import Observability
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
@@ -138,6 +138,27 @@ def test_the_variance_grows_with_the_correlation_along_a_direction(edge: int) ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("off", [0.0, 5.0, 9.0])
+def test_instruments_exclude_slides_by_bayes_rule(off: float) -> None:
+    """The share of slides among draws that are `off` voxels from where instruments with a sigma of 4 voxels are."""
+    share, reach, sigma, rng = 0.3, 12.0, 4.0, np.random.default_rng(8)
+    slid = rng.random(4_000_000) < share
+    away = np.where(slid, rng.normal(0, reach, len(slid)), 0.0) - rng.normal(0, sigma, len(slid))
+    drawn = slid[np.abs(away - off) < 0.25].mean()
+    turn = Rotation.from_euler("ZYX", [0.5, -0.3, 0.8])
+    slides = np.stack([np.full((3, 2), value) for value in (0.02, 1.0, 0.02)])
+    seen = Observability(turn.as_matrix(), slides, np.full(2, 0.5))
+    slide, grid = Slide(odds=float(np.log(0.33 / 0.67)), weight=20.0, reach=reach), Grid(64, 0.5)
+    residual = np.concatenate([np.zeros(3), off * turn.as_matrix()[:, 1]])
+    covariance = np.diag(np.repeat([0.01, sigma], 3) ** 2)
+    prior = PriorTerm(residual, np.eye(6), covariance, np.zeros((6, 6)))
+    variance = slide.variance(seen, grid, prior)
+    assert variance[[0, 2]].tolist() == [0.0, 0.0]
+    assert variance[1] == pytest.approx(drawn / (sigma**-2 + reach**-2), rel=0.03)
+    # those of a vehicle's usual motion do not: it is learned from poses that may have slid
+    assert slide.variance(seen, grid)[1] == pytest.approx(share * reach**2)
+
+
 def test_it_is_symmetric_and_positive_and_grows_with_the_voxel() -> None:
     """A scene twice as large on voxels twice as large has the same sigmas of turns and twice those of shifts."""
     rng = np.random.default_rng(5)
