@@ -89,7 +89,8 @@ class Mapper:
         sides. Scans whose points have times are corrected for the sensor's motion, and mapped again.
 
         Args:
-            scans: at least two, in the order in which they were taken, survey after survey.
+            scans: at least two, in the order in which they were taken, survey after survey; or one that instruments
+                place, with a complete prior.
             progress: called as progress(steps done, steps planned so far, words); the plan grows as
                 candidates for bridges and loops are found.
             surveys: the number of each scan's survey, ascending; by default all are of one.
@@ -102,11 +103,14 @@ class Mapper:
             turn_rates: of the sensor, by the clock of the stamps; they help to straighten scans.
 
         Raises:
-            InputError: fewer than two scans, no pair that could be registered, ties or control points of missing scans,
+            InputError: too few scans, no pair that could be registered, ties or control points of missing scans,
                 or ties of scans between the key scans of a dense stream.
         """
-        if len(scans) < 2:
-            raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
+        if len(scans) < 2 and not any(scan.prior is not None and scan.prior.is_complete for scan in scans):
+            raise InputError(
+                f"{len(scans)} scan given; a map needs at least two that overlap, or one whose attitude, heading, "
+                "depth and position are measured"
+            )
         _require_scans(len(scans), ties, control)
         number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         by_scans = {tie.scans: tie for tie in ties}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.slam.candidates.candidates import find_candidates
@@ -19,8 +19,9 @@ from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.geometry import rotated
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.relative_priors import unexact
 from tests.samples.surveys import (
     KnowingRegistrar,
@@ -275,3 +276,18 @@ def test_a_scan_without_registrations_lies_at_its_prior() -> None:
     assert prior is not None
     off = result.trajectory.T_world_sensor[4].translation - prior.T_world_sensor.translation
     np.testing.assert_allclose(off, 0, atol=1e-4)
+
+
+def test_a_single_scan_is_a_map_where_instruments_place_it() -> None:
+    T = RigidTransform.from_components([40.0, -9.0, -3.0], Rotation.from_euler("ZYX", [0.9, -0.2, 0.1]))
+    sigmas = np.array([0.01, 0.02, 0.03, 0.4, 0.5, 0.1])
+    mapper = Mapper(KnowingRegistrar(ring_poses(1), COVARIANCE), VOXEL)
+    points = np.random.default_rng(0).uniform(-3, 3, (200, 3)).astype(np.float32)
+    scan = Scan(points, prior=PosePrior(T, sigmas), name="only")
+    alone = mapper.run([scan])
+    assert alone.components == ((0,),)
+    np.testing.assert_allclose(alone.trajectory.T_world_sensor[0].as_matrix(), T.as_matrix(), atol=1e-9)
+    world = rotated(T.rotation, alone.covariances[0])
+    np.testing.assert_allclose(np.sqrt(np.diag(world)[3:]), sigmas[3:], rtol=1e-3)
+    with pytest.raises(InputError, match="needs at least two that overlap, or one whose"):
+        mapper.run([replace(scan, prior=PosePrior(T, np.append(sigmas[:5], np.inf)))])
