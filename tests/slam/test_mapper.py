@@ -184,6 +184,22 @@ def test_candidates_spread_and_skip_joined_pairs():
         assert index + 1 not in partners
 
 
+def test_narrow_overlaps_are_candidates_where_instruments_measured_both_scans():
+    truth = ring_poses(24)
+    scans, sigmas = scans_of(truth), np.array([0.01, 0.01, 0.02, 0.05, 0.05, 0.05])
+    solution = chained_graph(chain_edges(truth, COVARIANCE), 24).optimize()
+    settings = LoopSettings(per_scan=24, min_overlap=0.6, spread=0)
+    outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
+    measured = tuple((k, PosePrior(truth[k], sigmas)) for k in range(0, 24, 2))
+    known = replace(solution, graph=replace(solution.graph, priors=measured))
+    usual, more = (find_candidates(outlines, each, VOXEL, settings) for each in (solution, known))
+    narrow = [each for each in more if each.predicted_overlap < 0.6]
+    assert narrow
+    assert not any(each.i % 2 or each.j % 2 for each in narrow)
+    assert min(each.predicted_overlap for each in narrow) >= 0.2
+    assert all(each.predicted_overlap >= 0.6 for each in usual)
+
+
 def test_later_rounds_try_only_uncertain_pairs():
     """The ends of an open chain are uncertain relative to each other; with many loops there is nothing to gain."""
     truth = ring_poses(24)

@@ -16,6 +16,7 @@ from sonarmap.slam.map.cell import cell_keys, overlapping
 from sonarmap.slam.map.placed import pose_variance
 from sonarmap.slam.pair import Candidate
 
+_NARROW = 1 / 3  # least overlap of scans that instruments measured, as a share of that of others
 _LOOKALIKES = 3  # neighbors that are looked up per wanted one, since consecutive scans show the same place
 # Standard normal draws for samples of the relative pose of two scans; fixed, so that results are reproducible.
 _DRAWS = np.random.default_rng(0).standard_normal((12, 6))
@@ -52,9 +53,16 @@ def find_candidates(
     useful = displacement(outlines, scans, covariances) >= (_usual(outlines, solution) if unsure else 0.0)
     scans, overlap = scans[useful], overlap[useful]
     overlap = overlap * certainties(outlines, scans, T[useful], covariances[useful], cell)
-    kept = np.flatnonzero(overlap >= settings.min_overlap)
+    kept = np.flatnonzero(overlap >= _least_overlap(scans, solution, settings).max(axis=1))
     best = kept[_best(scans[kept], overlap[kept], solution, settings.per_scan, settings.spread)]
     return [Candidate(int(scans[k, 0]), int(scans[k, 1]), "loop", float(overlap[k])) for k in best]
+
+
+def _least_overlap(scans: np.ndarray, solution: Solution, settings: LoopSettings) -> np.ndarray:
+    """Expected overlap from which pairs are candidates, for each of their scans, in the shape of `scans`: less where
+    instruments measured both, so that a narrow strip shows their place."""
+    measured = [pose for pose, prior in solution.graph.priors if prior.is_complete]
+    return np.where(np.isin(scans, measured), _NARROW, 1.0) * settings.min_overlap
 
 
 def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
@@ -122,11 +130,12 @@ def _overlapping(
         if settings.per_scan == 0 or len(members) < 3:
             continue
         poses = np.array(members)
-        pairs, share = overlapping(
-            [outlines[k] for k in members], solution.trajectory.T_world_sensor[poses], cell, settings.min_overlap
-        )
-        scans.append(poses[pairs])
-        overlap.append(share)
+        least = _least_overlap(poses, solution, settings)
+        T = solution.trajectory.T_world_sensor[poses]
+        pairs, share = overlapping([outlines[k] for k in members], T, cell, float(least.min()))
+        enough = share >= least[pairs].max(axis=1)
+        scans.append(poses[pairs[enough]])
+        overlap.append(share[enough])
     return np.concatenate(scans), np.concatenate(overlap)
 
 

@@ -16,7 +16,8 @@ class LoopSettings:
         rounds: number of searches for loops; later rounds use the estimate that earlier loops have improved.
         most_rounds: largest number of searches; those after `rounds` try only pairs whose relative pose the estimate
             knows no better than this survey's registrations usually do.
-        min_overlap: expected overlap from which a pair is a candidate, 0..1.
+        min_overlap: expected overlap from which a pair is a candidate, 0..1; a third of it if instruments measured
+            attitude, heading, depth and position of both scans.
         cell_voxels: edge of the cells in which overlap is predicted [voxels]: coarse, as the estimate drifts.
         spread: a scan's loops lead to scans more than this apart in number, so that neighbors do not take all of them.
         bound: largest distance of two answers that agree [sigmas]; 4.74 includes 99.9 % of right ones (six degrees of
