@@ -59,7 +59,7 @@ def command(
     elif not quiet:
         for key, verdict in sheet.verdicts.items():
             state = "met" if sheet.meets(key) else "not met"
-            print_result(f"{verdict.order.title}: {state}, by {100 * verdict.share:.1f} % of the cells")
+            print_result(f"{verdict.order.title}: {state}; {100 * verdict.share:.1f} % of the cells meet it")
         print_result(sheet.sentence)
         print_result(f"written to {out}; depths are below {sheet.depths}")
     for warning in sheet.warnings:
