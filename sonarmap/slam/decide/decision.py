@@ -111,12 +111,13 @@ def _decide(
     parts = components(count, trusted)
     chained = place_in_world(chain(trusted, measurements.stamps), parts, priors)
     chained = place_by_control(chained, parts, measurements.control, priors)
-    fixes = _widened(PoseGraph(chained, tuple(trusted)), _GRAPH_FLOOR * floor)
-    judged = judge_fixes(fixes, priors)
-    measured = tuple(sorted(judged.priors.items()))
+    graph = PoseGraph(chained, edges)
+    # by all pairs: two steps alone would yield to ten wrong fixes in a row
+    judged = judge_fixes(_widened(graph, _GRAPH_FLOOR * floor), priors)
     holding = tuple(point for point in measurements.control if point.holds)
-    control, wrong_control = without_wrong_control(replace(fixes, priors=measured, control=holding))
-    graph = PoseGraph(chained, edges, priors=measured, control=control)
+    graph = replace(graph, priors=tuple(sorted(judged.priors.items())), control=holding)
+    control, wrong_control = without_wrong_control(_widened(graph, _GRAPH_FLOOR * floor))
+    graph = replace(graph, control=control)
     robust = robust_optimize(_widened(graph, _GRAPH_FLOOR * floor), trust_chain=False)
     kept_graph = weighed(graph.keep(robust.accepted).at(robust.solution.trajectory.T_world_sensor))
     # with loops the poses are accurate enough to show smaller errors, and errors that all fixes share

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import drawn, measurements_of, random_covariance, registration, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(1), 0.002, 0.02)
@@ -160,3 +161,25 @@ def test_chi_squared_before_is_that_of_the_chained_poses():
     graph = result.solution.graph
     assert result.solution.chi_squared_before == pytest.approx(graph.at(result.chained.T_world_sensor).chi_squared)
     assert result.solution.chi_squared_before > 2 * result.solution.chi_squared_after
+
+
+def test_wrong_fixes_in_a_row_yield_to_loops() -> None:
+    """Three lanes of ten scans; with sigmas of 1 m two steps alone would yield to ten fixes that are off alike."""
+    lane, rng, unsure = np.arange(30) // 10, np.random.default_rng(5), np.diag(np.repeat([0.01, 1.0], 3) ** 2)
+    back = lane % 2 == 1
+    along = np.where(back, 9 - np.arange(30) % 10, np.arange(30) % 10)
+    places, headings = np.column_stack([9.0 * along, 12.0 * lane, np.zeros(30)]), np.where(back, np.pi, 0.0)
+    truth = RigidTransform.from_components(places, Rotation.from_euler("Z", headings[:, None]))
+    loops = [(i, j) for i in range(30) for j in range(i + 2, 30) if along[i] == along[j] and lane[j] == lane[i] + 1]
+    pairs = [
+        pair(truth, i, j, "sequential" if j == i + 1 else "loop", drawn(rng, unsure), covariance=unsure)
+        for i, j in [*((k, k + 1) for k in range(29)), *loops]
+    ]
+    fixes = places + rng.normal(size=(30, 3)) * [0.5, 0.5, 0.1]
+    fixes[5:15] += [20.0, -12.0, 0.0]
+    T = RigidTransform.from_components(fixes, truth.rotation)
+    sigmas, point = np.array([0.005, 0.005, 0.02, 0.5, 0.5, 0.1]), np.ones((1, 3), np.float32)
+    scans = tuple(Scan(point, prior=PosePrior(each, sigmas), stamp=float(k)) for k, each in enumerate(T))
+    result = decide(pairs, replace(measurements_of(30), scans=scans), 1.0, LoopSettings())
+    assert {fix.scan for fix in result.fixes.wrong} == set(range(5, 15))
+    assert all(each.kept for each in result.pairs)
