@@ -7,7 +7,7 @@ given in each ping, and list only valid beams. MB-System's formats 57 and 59 add
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Literal
@@ -63,6 +63,20 @@ class Datagram:
 def layout_of(words: str) -> np.dtype:
     """The dtype of fields "name:type name:type", without gaps."""
     return np.dtype([tuple(word.split(":")) for word in words.split()])
+
+
+def take_all(datagrams: Iterable[Datagram | int], take: Callable[[Datagram], None]) -> tuple[int, list[str]]:
+    """Call `take` with every datagram; return the number of bytes that are none, and the damaged ones' faults."""
+    skipped, faults = 0, list[str]()
+    for datagram in datagrams:
+        if isinstance(datagram, int):
+            skipped += datagram
+            continue
+        try:
+            take(datagram)
+        except InputError as error:
+            faults.append(f"a datagram {datagram.kind} {error}")
+    return skipped, faults
 
 
 def datagrams_in(content: bytes, wanted: str) -> Iterator[Datagram | int]:

@@ -7,6 +7,7 @@ reference point, level. Each ping has the depths of its water line and transduce
 import re
 from collections import defaultdict
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.datagrams import Datagram, layout_of
+from sonarmap.tools.files.readers.pings.datagrams import Datagram, layout_of, take_all
 from sonarmap.tools.files.readers.pings.kmall_datagrams import Parts, datagrams_in, joined, strided
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, damage
 from sonarmap.tools.files.readers.pings.sensors import UNUSED, USED, Sensors
@@ -72,8 +73,6 @@ class _Content:
     parts: Parts = field(default_factory=lambda: defaultdict(list))
     seen: set[int] = field(default_factory=set)  # hashes of the pings' datagrams
     doubled: int = 0  # pings that the file has twice
-    skipped: int = 0  # bytes that are no datagram
-    faults: list[str] = field(default_factory=list)  # of damaged datagrams, in words
 
 
 def read_kmall(path: Path) -> RecordedLine:
@@ -81,16 +80,9 @@ def read_kmall(path: Path) -> RecordedLine:
     content = read_content(path)
     require_memory("the file, unpacked,", _GROWTH * len(content), "split it")
     found = _Content()
-    for datagram in datagrams_in(content):
-        if isinstance(datagram, int):
-            found.skipped += datagram
-            continue
-        try:
-            _take(datagram, found)
-        except InputError as error:
-            found.faults.append(f"a datagram {datagram.kind} {error}")
-    found.faults += ["a ping lacks a part of its datagram" for waiting in found.parts.values() for _ in waiting]
-    damages = damage(found.skipped, len(found.faults), "datagram", *found.faults[:1] or [""])
+    skipped, faults = take_all(datagrams_in(content), partial(_take, found=found))
+    faults += ["a ping lacks a part of its datagram" for waiting in found.parts.values() for _ in waiting]
+    damages = damage(skipped, len(faults), "datagram", *faults[:1] or [""])
     if not found.pings:
         why = "".join(f" ({words})" for words in damages)
         raise InputError(f"it holds no soundings{why}; wanted datagrams #MRZ: give the line's .kmall, or copy it again")

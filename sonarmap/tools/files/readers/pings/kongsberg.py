@@ -5,6 +5,7 @@ point, with depths below the transmit transducer. Each ping has the transducer's
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,15 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.datagrams import SWATHS, Datagram, Swath, datagrams_in, layout_of, swath_of
+from sonarmap.tools.files.readers.pings.datagrams import (
+    SWATHS,
+    Datagram,
+    Swath,
+    datagrams_in,
+    layout_of,
+    swath_of,
+    take_all,
+)
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, damage
 from sonarmap.tools.files.readers.pings.sensors import UNUSED, USED, VELOCITIES, Sensors
 from sonarmap.tools.files.user_file import read_content
@@ -63,14 +72,8 @@ def read_all(path: Path) -> RecordedLine:
 
 def _content(content: bytes) -> _Content:
     found = _Content()
-    for datagram in datagrams_in(content, "".join([_POSITION, _MOTION, _NETWORK, _INSTALLATION, *SWATHS])):
-        if isinstance(datagram, int):
-            found.skipped += datagram
-            continue
-        try:
-            _take(datagram, found)
-        except InputError as error:
-            found.faults.append(f"a datagram {datagram.kind} {error}")
+    datagrams = datagrams_in(content, "".join([_POSITION, _MOTION, _NETWORK, _INSTALLATION, *SWATHS]))
+    found.skipped, found.faults = take_all(datagrams, partial(_take, found=found))
     return found
 
 
