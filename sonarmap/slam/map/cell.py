@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy import sparse
+from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.scan import Scan
@@ -54,6 +55,16 @@ def cell_means(points: np.ndarray, size: float) -> np.ndarray:
 def outline(scan: Scan, cell: float) -> np.ndarray:
     """(K, 3) float64 [m, sensor frame]: the scan's mean point in every occupied cell of half the edge `cell` [m]."""
     return cell_means(scan.points, cell / 2)
+
+
+def neighbors(numbers: np.ndarray) -> sparse.csr_array:
+    """(C, C) matrix that sums each cell and those of the eight around it that are there, by (C, 2) cell numbers."""
+    if not len(numbers):
+        return sparse.csr_array((0, 0))
+    pairs = KDTree(numbers).query_pairs(1.5, output_type="ndarray")
+    itself = np.repeat(np.arange(len(numbers))[:, None], 2, axis=1)
+    first, second = np.concatenate([pairs, pairs[:, ::-1], itself]).T
+    return sparse.csr_array((np.ones(len(first)), (first, second)), shape=(len(numbers), len(numbers)))
 
 
 def overlapping(

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.spatial import KDTree
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.cell import cell_keys
+from sonarmap.slam.map.cell import cell_keys, neighbors
 from sonarmap.slam.pings.line import PingLine
 
 _SOUNDINGS_PER_CELL = 16.0  # of a line, about
@@ -64,7 +63,7 @@ class Overlaps:
         slopes, scatter, _ = _planes(moments, of_cell @ (counts - 1))
         centers = (of_cell @ means[:, :2]) / np.bincount(cells)[:, None]
         heights = means[:, 2] - ((means[:, :2] - centers[cells]) * slopes[cells]).sum(axis=1)
-        near = _neighbors(np.floor(centers / cell))
+        near = neighbors(np.floor(centers / cell))
         wide_slopes, _, noise = _planes(near @ moments, near @ of_cell @ (counts - 1))
         variances = scatter[cells] / counts
         return cls(cell, centers, wide_slopes, noise, cells, lines, heights, variances, means_of_values)
@@ -125,16 +124,6 @@ def _shared(points: np.ndarray, lines: np.ndarray, cell: float) -> np.ndarray:
     enough = counts >= _MIN_SOUNDINGS
     several = np.bincount((names // count)[enough], minlength=int(cells.max(initial=0)) + 1) > 1
     return enough[patch] & several[cells]
-
-
-def _neighbors(numbers: np.ndarray) -> csr_array:
-    """(C, C) matrix that sums each cell and those of the eight around it that are there; (C, 2) cell numbers."""
-    if not len(numbers):
-        return csr_array((0, 0))
-    pairs = KDTree(numbers).query_pairs(1.5, output_type="ndarray")
-    itself = np.repeat(np.arange(len(numbers))[:, None], 2, axis=1)
-    first, second = np.concatenate([pairs, pairs[:, ::-1], itself]).T
-    return csr_array((np.ones(len(first)), (first, second)), shape=(len(numbers), len(numbers)))
 
 
 def _planes(moments: np.ndarray, freedom: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -21,6 +21,7 @@ from scipy import sparse
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.systematic import Systematic
+from sonarmap.slam.map.cell import neighbors
 from sonarmap.slam.map.surface import on_surface
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.products.compare.surface import Epoch, levers
@@ -113,12 +114,12 @@ def depth_cells(folder: Map, cell: float, datum: tuple[float, float] = (0.0, 0.0
     width, height = (place.max(axis=0) - low + 1).tolist()
     if width * height > _MOST_CELLS:
         raise InputError(f"cells of {cell:g} m: more than {_MOST_CELLS:,} around the map; give larger ones with --cell")
-    width += 2  # so that neighbors do not wrap around
     keys, of = np.unique((place[:, 1] - low[1]) * width + place[:, 0] - low[0], return_inverse=True)
-    mean, slope, scatter, count = _planes(points, weight, of, _neighbors(keys, width), cell)
+    row, column = keys // width, keys % width
+    near = neighbors(np.column_stack([column, row]))
+    mean, slope, scatter, count = _planes(points, weight, of, near, cell)
     if not (kept := count >= _FEWEST).any():
         raise InputError(f"no cell of {cell:g} m has {_FEWEST} points near it; give a larger one with --cell")
-    row, column = keys // width, keys % width
     center = (np.column_stack([column, row]) + low + 0.5) * cell
     zero = 0.0 if folder.georeference is None else folder.georeference.height
     depth = -zero - mean[:, 2] - np.einsum("ka,ka->k", slope, center - mean[:, :2])
@@ -132,14 +133,6 @@ def depth_cells(folder: Map, cell: float, datum: tuple[float, float] = (0.0, 0.0
     soundings = np.bincount(of, columns["count"]).astype(np.int64)
     numbers = row, column, depth, soundings, passes, slope, shift, scatter
     return DepthCells(cell, low, *(number[kept] for number in numbers), datum=datum[1])
-
-
-def _neighbors(keys: np.ndarray, width: int) -> sparse.csr_array:
-    """(K, K): 1 for a cell and each of its eight neighbors; `keys` are row * width + column, ascending."""
-    wanted = keys[:, None] + (np.arange(-1, 2)[:, None] * width + np.arange(-1, 2)).ravel()
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    own, which = np.nonzero(keys[at] == wanted)
-    return sparse.csr_array((np.ones(len(own)), (own, at[own, which])), shape=(len(keys),) * 2)
 
 
 def _planes(

@@ -34,7 +34,7 @@ def check(line: RecordedLine) -> None:
 
 
 def trial(folder: Path, suffix: str, count: int, seed: int, others: Sequence[bytes] = ()) -> Counter[str]:
-    """What became of so many damaged files, of a good one and `others` in turns."""
+    """How reading `count` damaged files ended; they are made from a good file and from `others` in turns."""
     contents, rng, ends = [written(folder, suffix).read_bytes(), *others], np.random.default_rng(seed), Counter[str]()
     path, slowest, memory = folder / f"damaged{suffix}", 0.0, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for k in range(count):
