@@ -17,9 +17,10 @@ from tests.samples.bags.messages import CLOUD, ODOMETRY, cloud, odometry
 from tests.samples.bags.writers import write_ros1
 from tests.samples.command_line import sonarmap
 from tests.samples.dives import Dive
-from tests.samples.lines import gsf_of
+from tests.samples.lines import gsf_of, sample_of
 from tests.samples.recordings import written
 from tests.slam.pings.simulated_lines import simulated
+from tests.tools.files.readers.pings.kmall_file import kmall
 
 START = datetime(2026, 7, 1, 9, 30, tzinfo=UTC)
 STEP = 10.0  # [s] between the scans
@@ -207,7 +208,11 @@ def one_line(number: int) -> Callable[[Inputs, Path], None]:
     """A line of an echo sounder, which overlaps with the next."""
 
     def make(inputs: Inputs, path: Path) -> None:
-        gsf_of(path, simulated(5, rms=0.6, pings=120, beams=96).recorded[number])
+        line = simulated(5, rms=0.6, pings=120, beams=96).recorded[number]
+        if path.suffix == ".kmall":
+            path.write_bytes(kmall(sample_of(line)))
+        else:
+            gsf_of(path, line)
 
     return make
 
@@ -234,8 +239,7 @@ INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
     "B.ply": one_scan(1),
     "target.npy": one_scan(0),
     "source.npy": one_scan(1),
-    "line1.gsf": one_line(0),
-    "line2.gsf": one_line(1),
+    **{f"line{k + 1}.{suffix}": one_line(k) for suffix in ("gsf", "kmall") for k in (0, 1)},
     "in.g2o": graph,
     "ties.csv": ties,
     "control.csv": control,

@@ -137,7 +137,7 @@ def overview_of(
     if (more := len(overview.notes) - _MOST_NOTES) > 0:
         overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
     overview.notes[:0] = [*file_notes, *stamp_notes]
-    overview.lines += [line_overview(path, corrections.lines.all_soundings) for path in dict.fromkeys(of_lines)]
+    overview.lines += [line_overview(path, corrections.lines) for path in dict.fromkeys(of_lines)]
     return overview
 
 

@@ -178,15 +178,24 @@ class PointReading:
     all_soundings: bool | None = INPUT.flag(
         "--all-soundings", "Keep soundings that lines of an echo sounder flag as rejected.", None, rare=True
     )
+    heights: str | None = INPUT.option(
+        "NAME",
+        "Vertical reference of heights of an echo sounder's lines: surface (the water's) or ellipsoid (.kmall).",
+        shown="surface",
+        rare=True,
+    )
 
     def corrections(self) -> "Corrections":
         """Corrections of points when files are read."""
+        from sonarmap.slam.pings.biases import Biases
+        from sonarmap.tools.files.geo import DEFAULT_VERTICAL
         from sonarmap.tools.files.readers.pings.line_file import LineReading
         from sonarmap.tools.files.readers.scans import Corrections, PointFrame
 
         scale = 1.0 if self.range_scale is None else self.range_scale
         frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)
-        lines = LineReading(self.patch, draught=self.draught or 0.0, all_soundings=bool(self.all_soundings))
+        heights = DEFAULT_VERTICAL if self.heights is None else self.heights
+        lines = LineReading(self.patch, Biases(), self.draught or 0.0, bool(self.all_soundings), heights)
         return Corrections(self.sound_speed, scale, frame, lines)
 
 
@@ -272,7 +281,7 @@ def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: boo
         lines = []
         for number, path in enumerate(files):
             step(number, len(files) + 1, path.name)
-            lines.append(read_line(path, [], corrections.lines.all_soundings))
+            lines.append(read_line(path, [], corrections.lines))
         here = lines[0].origin()
         step(len(files), len(files) + 1, "comparing the lines")
         test = estimate_biases([line.placed(here) for line in lines])

@@ -30,7 +30,7 @@ VERTICALS = {
     "EGM96": "the EGM96 geoid",
     "EGM2008": "the EGM2008 geoid",
 }
-DEFAULT_VERTICAL = "surface"
+DEFAULT_VERTICAL, ELLIPSOID = "surface", "ellipsoid"
 EAST = 90.0  # compass heading of an x axis that points East
 _FARTHEST = 200e3  # largest distance from the origin at which a tangent plane still makes a map [m]
 _ITERATIONS = 3  # iterations that find a point's height above the ellipsoid; each divides the error by a million

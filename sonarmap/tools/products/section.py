@@ -330,7 +330,7 @@ def volume_between(first: PlacedMap, second: PlacedMap, cell: float, kind: str =
         if one != other:
             raise InputError(
                 f"heights of {first.path} count from {one!r}, those of {second.path} from {other!r}; wanted the same "
-                "reference for both: map one again with --vertical"
+                "reference for both: map one again with --vertical, or lines with --heights"
             )
         points = first.georeference.local(second.georeference.geodetic(points))
     lattice = _lattice(cell, first.part.points, points)

@@ -20,7 +20,7 @@ from sonarmap.slam.map.surface import on_surface
 from sonarmap.slam.motion.straighten import straightened
 from sonarmap.slam.pings.biases import Biases
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.geo import Georeference
+from sonarmap.tools.files.geo import DEFAULT_VERTICAL, Georeference
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, as_written, require_own
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.files.readers.csv_table import SUMMARY
@@ -288,7 +288,11 @@ def _corrections(settings: dict[str, Any]) -> Corrections:
     biases = Biases.of_json(settings["patch_test"]) if "patch_test" in settings else Biases()
     frame = PointFrame(settings.get("frame", "flu"), settings.get("units", "m"))
     lines = LineReading(
-        settings.get("patch"), biases, settings.get("draught") or 0.0, settings.get("all_soundings") or False
+        settings.get("patch"),
+        biases,
+        settings.get("draught") or 0.0,
+        settings.get("all_soundings") or False,
+        settings.get("heights", DEFAULT_VERTICAL),
     )
     return Corrections(settings.get("sound_speed"), settings.get("range_scale", 1.0), frame, lines)
 

@@ -264,7 +264,7 @@ def _in_one_frame(old: Map | PointCloud, new: Map | PointCloud) -> RigidTransfor
     if before.vertical != after.vertical:
         raise InputError(
             f"heights of {old.path} count from {before.vertical!r}, those of {new.path} from "
-            f"{after.vertical!r}; leave --same-frame out, or map one again with --vertical"
+            f"{after.vertical!r}; leave --same-frame out, or map one again with --vertical, or lines with --heights"
         )
     middle = (new.parts[0] if isinstance(new, Map) else new).points.mean(axis=0)
     arms = middle + _ARM * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])

@@ -60,7 +60,7 @@ def moved_lines(
             of_files.setdefault(patches[k].path, []).append(k)
     lines: list[MovedLine] = []
     for path, scans in of_files.items():
-        recorded = read_line(path, [], reading.all_soundings).immersed(reading.draught).placed(georeference)
+        recorded = read_line(path, [], reading).placed(georeference)
         before = corrected(recorded, reading.biases)
         middles = np.array([patches[k].middle for k in scans])
         after, sigmas = moved(before, middles, result.trajectory.T_world_sensor[scans], result.covariances[scans])

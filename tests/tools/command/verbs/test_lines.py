@@ -17,6 +17,8 @@ from sonarmap.tools.products.export.clouds import Cloud
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of
 from tests.samples.lines import HERE, gsf_of
 from tests.slam.pings.simulated_lines import WRONG, Survey, simulated
+from tests.tools.files.readers.pings.kmall_file import kmall
+from tests.tools.files.readers.pings.samples import LINE
 from tests.tools.products.export.test_clouds import same_as_fused
 
 PINGS, LANES = 250, 3
@@ -102,6 +104,8 @@ def test_options_without_effect_on_lines_are_refused(survey: Survey, tmp_path: P
     refused(sonarmap("map", file, "-o", tmp_path, "--priors", log), "contain their own navigation", "leave --priors")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch-test"), "two lines", "1 given")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
+    for verb in (("map", "-o", tmp_path), ("inspect",)):
+        refused(sonarmap(*verb, file, "--heights", "ellipsoid"), "0.gsf: it has no heights above the ellipsoid")
     refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "defines both")
     refused(sonarmap("map", file, "-o", tmp_path, "--range-scale", "1.02"), "--range-scale cannot be used")
 
@@ -114,6 +118,13 @@ def test_inspect_shows_lines(survey: Survey, tmp_path: Path) -> None:
     (line,) = printed(sonarmap("inspect", files[1], "--json"))["lines"]
     assert line["pings"] == PINGS
     assert line["length"] == pytest.approx(2.4 * PINGS / 5, rel=0.1)
+
+
+def test_inspect_says_what_heights_count_from(tmp_path: Path) -> None:
+    (tmp_path / "line.kmall").write_bytes(kmall(LINE))
+    said(done(sonarmap("inspect", tmp_path, "--heights", "ellipsoid")), "heights are above the ellipsoid")
+    notes = printed(sonarmap("inspect", tmp_path, "--json"))["notes"]
+    assert any("depths count from the water line, which was 44.75 m above the ellipsoid" in note for note in notes)
 
 
 FILES = {"navigation.csv", "soundings.laz", "lines.json"}

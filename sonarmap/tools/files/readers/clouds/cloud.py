@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.geo import DEFAULT_VERTICAL
 
 STRENGTH_NAMES = ("strength", "intensity", "amplitude", "reflectivity", "i")
 VIEWPOINT_NAMES = ("vp_x", "vp_y", "vp_z")  # as in PCL's PointWithViewpoint
@@ -34,6 +35,7 @@ class PingPatch:
     geodetic: tuple[float, float, float]  # latitude, longitude [deg], height [m] of the scan's frame
     R_north_patch: Rotation  # orientation in local East, North, Up
     below_water: bool = True  # whether heights are relative to the water surface, not to the transducer
+    vertical: str = DEFAULT_VERTICAL  # vertical reference of the height, if that is not the transducer
 
 
 @dataclass(frozen=True, slots=True)

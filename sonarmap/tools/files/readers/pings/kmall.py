@@ -41,7 +41,7 @@ _ACTIVE, _INVALID = 0x01, 0x10  # bits of a sensor's status
 _WRONG_ATTITUDE = 0x02  # bit of a sample's status
 _EXTRA, _REJECTED = 1, 2  # types of a detection; extra ones are others than the bottom's
 _DISABLED = 100  # first class of extra detections that the operator disabled, or that are out of limits
-_HIGHEST = 900.0  # [m]; the height above the ellipsoid is -999 where unknown
+_HIGHEST = 900.0  # [m]; the height above the ellipsoid is -999 or 0 where unknown
 _FASTEST = 100.0  # [m/s]; unknown speeds are beyond it
 _GROWTH = 8  # bytes of memory per byte of the file, at most: a sounding has 120 there
 _ARRAY = re.compile(r"TRAI_TX(\d+):([^,]*)")
@@ -126,7 +126,7 @@ def _take_ping(datagram: Datagram, found: _Content) -> None:
             np.radians(heading) if 0 <= heading <= 360 else np.nan,
             float(ping["sound_speed"]),
             float(ping["transducer"]),
-            height - water if abs(height) < _HIGHEST else np.nan,
+            height - water if 0 < abs(height) < _HIGHEST else np.nan,
             np.column_stack([x, -y, water - z]),
             (rows["type"] >= _REJECTED) | (rows["method"] == 0) | is_off,
         )
@@ -177,10 +177,10 @@ def _line(name: str, found: _Content, damages: list[str]) -> RecordedLine:
     attitudes = np.column_stack([np.radians(turned), [ping.heading for ping in pings]])
     sensors = R_level_vehicle_of(attitudes).apply([found.levers.get(ping.transmitter, np.zeros(3)) for ping in pings])
     sensors[:, 2] = [-ping.depth for ping in pings]
-    heights = [ping.water for ping in pings if np.isfinite(ping.water)]
-    if heights:
-        above = f"{np.median(heights):.2f} m above the ellipsoid"
-        notes.append(f"depths count from the water line, which was {above}: tides are not removed")
+    water = np.array([ping.water for ping in pings])
+    if np.isfinite(water).any():
+        above = f"{np.nanmedian(water):.2f} m above the ellipsoid"
+        notes.append(f"depths count from the water line, which was {above}: --heights ellipsoid removes tides")
     if found.doubled:
         notes.append(f"{counted(found.doubled, 'ping')} that the file has twice are read once")
     return assembled(
@@ -194,4 +194,5 @@ def _line(name: str, found: _Content, damages: list[str]) -> RecordedLine:
         flagged=[ping.flagged for ping in pings],
         sound_speeds=[ping.sound_speed for ping in pings],
         notes=[*notes, *of_motions, *damages],
+        levels=water,
     )

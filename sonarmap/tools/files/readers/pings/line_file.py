@@ -13,7 +13,7 @@ from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pings.biases import Biases, corrected
 from sonarmap.slam.pings.pieces import cut, swath_width
 from sonarmap.spectral.scan import PosePrior, Scan
-from sonarmap.tools.files.geo import Georeference
+from sonarmap.tools.files.geo import DEFAULT_VERTICAL, ELLIPSOID, Georeference
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.settings import by_the_maps_north, rounded_origin
@@ -49,24 +49,47 @@ FORMATS = {
 }
 
 
-def read_line(path: Path, notes: list[str], all_soundings: bool = False) -> RecordedLine:
-    """The line of a file; its notes are added to `notes`, after the file's name. `all_soundings`: whether
-    soundings that the file flags as rejected are kept."""
+@dataclass(frozen=True, slots=True)
+class LineReading:
+    """How lines are read and cut into scans."""
+
+    patch: float | None = None  # length of a patch along the track [m]; None for half the swath's width
+    biases: Biases = field(default_factory=Biases)  # of the line's instruments, which are corrected
+    draught: float = 0.0  # depth of the transducer below the water surface [m], for files without it
+    all_soundings: bool = False  # whether soundings that the files flag as rejected are kept
+    heights: str = DEFAULT_VERTICAL  # their vertical reference: as recorded, or "ellipsoid" where the files have it
+
+    def __post_init__(self) -> None:
+        if self.patch is not None and not 0 < self.patch < np.inf:
+            raise InputError(f"a patch of {self.patch:g} m: wanted a length above 0")
+        if not 0 <= self.draught < _MAX_DRAUGHT:
+            raise InputError(f"a draught of {self.draught:g} m: wanted 0 to {_MAX_DRAUGHT:g} m")
+        if self.heights not in (DEFAULT_VERTICAL, ELLIPSOID):
+            raise InputError(f"heights above {self.heights!r}: wanted {DEFAULT_VERTICAL} or {ELLIPSOID}")
+
+
+AS_LINES = LineReading()
+
+
+def read_line(path: Path, notes: list[str], reading: LineReading = AS_LINES) -> RecordedLine:
+    """The line of a file; its notes are added to `notes`, after the file's name."""
     require_file(path)
     with naming(path):
-        return _line(path, notes, all_soundings)
+        return _line(path, notes, reading)
 
 
-def _line(path: Path, notes: list[str], all_soundings: bool) -> RecordedLine:
+def _line(path: Path, notes: list[str], reading: LineReading) -> RecordedLine:
     known = FORMATS.get(path.suffix.lower())
     if known is None:
         raise InputError(f"unknown format {path.suffix or '(no suffix)'!r}; known are {', '.join(FORMATS)}")
     require_kind(path, FORMATS)
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # in damaged files; `assembled` leaves them out
-            line = known.read(path).selected(all_soundings)
+            line = known.read(path).selected(reading.all_soundings).immersed(reading.draught)
     except MemoryError as error:
         raise InputError("too large for this machine's memory; split it") from error
+    if reading.heights == ELLIPSOID:
+        line = line.above_ellipsoid()
     notes += [f"{path.name}: {note}" for note in line.notes]
     return line
 
@@ -94,8 +117,8 @@ class LineOverview:
         return self.length / self.seconds if self.seconds > 0 else 0.0
 
 
-def line_overview(path: Path, all_soundings: bool = False) -> LineOverview:
-    recorded = read_line(path, [], all_soundings)
+def line_overview(path: Path, reading: LineReading = AS_LINES) -> LineOverview:
+    recorded = read_line(path, [], reading)
     line = recorded.placed(recorded.origin())
     low, middle, high = np.percentile(-line.points[:, 2], [5, 50, 95]).tolist()
     roll, pitch, heading = line.attitudes.T
@@ -109,29 +132,10 @@ def line_overview(path: Path, all_soundings: bool = False) -> LineOverview:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class LineReading:
-    """How lines are cut into scans."""
-
-    patch: float | None = None  # length of a patch along the track [m]; None for half the swath's width
-    biases: Biases = field(default_factory=Biases)  # of the line's instruments, which are corrected
-    draught: float = 0.0  # depth of the transducer below the water surface [m], for files without it
-    all_soundings: bool = False  # whether soundings that the files flag as rejected are kept
-
-    def __post_init__(self) -> None:
-        if self.patch is not None and not 0 < self.patch < np.inf:
-            raise InputError(f"a patch of {self.patch:g} m: wanted a length above 0")
-        if not 0 <= self.draught < _MAX_DRAUGHT:
-            raise InputError(f"a draught of {self.draught:g} m: wanted 0 to {_MAX_DRAUGHT:g} m")
-
-
-AS_LINES = LineReading()
-
-
 def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[Cloud]:
     """The patches of a line's file, each in a level frame at the transducer in its middle. An InputError does not name
     the file."""
-    recorded = _line(path, notes, reading.all_soundings).immersed(reading.draught)
+    recorded = _line(path, notes, reading)
     origin, below = recorded.origin(), recorded.below_water or reading.draught > 0
     if not below:
         notes.append(f"{path.name}: {NO_DRAUGHT}")
@@ -140,7 +144,7 @@ def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[
     for patch, place in zip(patches, geodetic.tolist(), strict=True):
         points, viewpoints, R = patch.points, patch.viewpoints, patch.T_world_piece.rotation
         depth = float(np.median(viewpoints[:, 2] - points[:, 2]))
-        placed_by = PingPatch(path, patch.middle, len(patches), depth, tuple(place), R, below)
+        placed_by = PingPatch(path, patch.middle, len(patches), depth, tuple(place), R, below, reading.heights)
         yield Cloud(points, stamp=patch.stamp, viewpoints=viewpoints, patch=placed_by, sound_speed=recorded.sound_speed)
 
 
@@ -157,6 +161,10 @@ def placed(
     numbers, known = list(patches), list(patches.values())
     geodetic = np.array([patch.geodetic for patch in known])
     here = origin or rounded_origin(geodetic, "patch", [])
+    if known[0].vertical == ELLIPSOID:
+        if here.vertical not in (DEFAULT_VERTICAL, ELLIPSOID):
+            raise InputError(f"--vertical {here.vertical} contradicts --heights ellipsoid; leave one of them out")
+        here = replace(here, vertical=ELLIPSOID)
     places = here.local(geodetic)
     priors: list[PosePrior | None] = []
     for patch, place in zip(known, places, strict=True):

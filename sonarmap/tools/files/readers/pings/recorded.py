@@ -20,6 +20,7 @@ SINGLE_BEAM = (
     "export these as LAZ, and run `sonarmap compare MAP FILE.laz`"
 )
 _AHEAD = np.array([1e-4, 0.0, 0.0])  # degrees of latitude, about 11 m: a step to the North
+_SMOOTHED = 30.0  # [s], before and after a ping: its height above the ellipsoid is a mean
 _MAX_RANGE = 15_000.0  # [m], of a sounding; the ocean is 11 km deep
 _MAX_STAMP = 4102444800.0  # the year 2100 [s, UTC]: a later stamp is damaged
 _MAX_TIME = 2 * 86400.0  # [s], between a ping of a file and the median one
@@ -44,11 +45,13 @@ class RecordedLine:
     beams: int  # number of soundings, including those that are left out
     sound_speed: float | None  # at the transducer [m/s], the median; None if it is not in the file
     notes: tuple[str, ...]  # for the user
+    # (P,) float64 [m], heights above the ellipsoid of the level from which depths count, NaN if unknown
+    levels: np.ndarray
     below_water: bool = True  # whether depths count from the water surface; else from the transducer
 
     @property
     def rejected(self) -> int:
-        """Number of soundings left out: flagged, without a detection, not finite or too far."""
+        """Number of soundings left out: flagged, without a detection, not finite, too far or without a height."""
         return self.beams - len(self.points)
 
     def selected(self, all_soundings: bool) -> "RecordedLine":
@@ -62,6 +65,34 @@ class RecordedLine:
             pings = counted(len(self.stamps), "ping")
             raise InputError(f"all {self.beams:,} soundings of its {pings} are rejected; --all-soundings keeps them")
         return replace(self, pings=self.pings[good], points=self.points[good], flagged=self.flagged[good])
+
+    def above_ellipsoid(self) -> "RecordedLine":
+        """The line with heights above the ellipsoid, and a note on them. The level from which depths count is at its
+        mean height of a minute: in waves single heights are up to 0.2 m off, as they are older than the heave of their
+        ping. Pings without any in that time are left out."""
+        known = np.isfinite(self.levels)
+        sums = np.concatenate([[0.0], np.cumsum(self.levels[known])])
+        bounds = self.stamps[:, None] + [-_SMOOTHED, _SMOOTHED]
+        first, last = np.searchsorted(self.stamps[known], bounds).T
+        has_height = last > first
+        kept = has_height[self.pings]
+        if not kept.any():
+            raise InputError("it has no heights above the ellipsoid; leave --heights ellipsoid out")
+        left_out = counted(int((~has_height).sum()), "ping")
+        notes = [f"{left_out} left out, without a height above the ellipsoid"] * (not has_height.all())
+        levels = (sums[last] - sums[first])[has_height] / (last - first)[has_height]
+        return replace(
+            self,
+            stamps=self.stamps[has_height],
+            fixes=np.column_stack([self.fixes[has_height, :2], levels]),
+            attitudes=self.attitudes[has_height],
+            sensors=self.sensors[has_height],
+            pings=(np.cumsum(has_height) - 1)[self.pings[kept]],
+            points=self.points[kept],
+            flagged=self.flagged[kept],
+            notes=(*self.notes, "heights are above the ellipsoid", *notes),
+            levels=levels,
+        )
 
     def immersed(self, draught: float) -> "RecordedLine":
         """The line with its transducer at `draught` [m] below the water surface."""
@@ -95,11 +126,12 @@ def assembled(
     flagged: Sequence[np.ndarray],
     sound_speeds: Sequence[float],
     notes: Sequence[str],
+    levels: np.ndarray | None = None,
     below_water: bool = True,
 ) -> RecordedLine:
     """The line of P pings, which are sorted by their stamps; invalid ones (NaN, or out of range) are left out. For each
     ping, `points` are its (n, 3) float64 soundings [m], NaN without a detection, and `flagged` (n,) bool whether the
-    recording flags them as rejected; `sound_speeds` are those of any pings [m/s]."""
+    recording flags them as rejected; `sound_speeds` are those of any pings [m/s]; `levels` is None if unknown."""
     order, faults = _usable(np.column_stack([stamps, fixes, attitudes, sensors]))
     notes = (*notes, *faults)
     if not len(order):
@@ -123,6 +155,7 @@ def assembled(
         beams=len(soundings),
         sound_speed=float(np.median(speeds)) if speeds else None,
         notes=notes,
+        levels=np.full(len(order), np.nan) if levels is None else levels[order],
         below_water=below_water,
     )
 

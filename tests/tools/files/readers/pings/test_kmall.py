@@ -2,12 +2,14 @@
 
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sonarmap.tools.files.readers.pings.line_file import read_line
+from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
+from sonarmap.tools.files.readers.pings.line_file import LineReading, line_clouds, placed, read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.pings.kmall_file import (
@@ -27,13 +29,13 @@ from tests.tools.files.readers.pings.samples import LINE, SPEED, START, sample
 ROUNDED = 1e-5  # meters, of 32-bit numbers
 NOWHERE = (UNKNOWN, UNKNOWN)
 ABOVE = f"{HEIGHT - WATER:.2f} m above the ellipsoid"
-HEIGHTS = f"depths count from the water line, which was {ABOVE}: tides are not removed"
+HEIGHTS = f"depths count from the water line, which was {ABOVE}: --heights ellipsoid removes tides"
 
 
-def read(folder: Path, content: bytes | Sequence[bytes]) -> RecordedLine:
+def read(folder: Path, content: bytes | Sequence[bytes], reading: LineReading | None = None) -> RecordedLine:
     path = folder / "line.kmall"
     path.write_bytes(content if isinstance(content, bytes) else b"".join(content))
-    return read_line(path, [])
+    return read_line(path, [], reading or LineReading())
 
 
 def level(stamp: float = START) -> bytes:
@@ -56,7 +58,8 @@ def test_a_line_has_its_sounder_speed_and_heights(tmp_path: Path) -> None:
     same(found)
     assert (found.echo_sounder, found.sound_speed) == ("Kongsberg EM2042", SPEED)
     assert found.notes == (HEIGHTS,)
-    assert read(tmp_path, [level(), *pings(height=-999.0)]).notes == ()
+    for unknown in (-999.0, 0.0, np.nan):
+        assert read(tmp_path, [level(), *pings(height=unknown)]).notes == ()
     assert found.below_water
 
 
@@ -170,3 +173,63 @@ def test_types_methods_and_classes_of_detections_reject_soundings(tmp_path: Path
     found = read(tmp_path, [level(), *ping(LINE, 0, kinds=np.array(kinds))])
     np.testing.assert_allclose(found.points, LINE.points[0, :4] * [1, -1, -1], atol=ROUNDED)
     assert found.rejected == 5
+
+
+ON_ELLIPSOID = LineReading(heights="ellipsoid")
+
+
+def ellipsoid_heights(line: RecordedLine) -> np.ndarray:
+    """(N,) heights of the soundings [m] at an origin of height 0."""
+    origin = line.origin()
+    return origin.geodetic(line.placed(origin).world_points())[:, 2]
+
+
+def test_heights_above_the_ellipsoid_are_those_of_the_reference_point_less_z(tmp_path: Path) -> None:
+    """A sounding's z is down from the reference point, which is HEIGHT above the ellipsoid. With roll and pitch the
+    horizontal arm of the transducer does not change its depth, which the file has."""
+    found = read(tmp_path, kmall(LINE), ON_ELLIPSOID)
+    z = LINE.points[~LINE.rejected][:, 2] + WATER
+    np.testing.assert_allclose(ellipsoid_heights(found), HEIGHT - z, atol=1e-4)
+    sensors = found.placed(found.origin()).places[:, 2] + found.sensors[:, 2]
+    np.testing.assert_allclose(sensors, HEIGHT - WATER - DEPTH, atol=2e-3)  # a plane is 2 mm lower than the Earth
+    assert found.notes == (HEIGHTS, "heights are above the ellipsoid")
+    same(found)  # all else is as with the water line
+
+
+def test_a_height_is_the_mean_of_a_minute(tmp_path: Path) -> None:
+    """Waves of 1.5 s, whose heights are late, and a tide of 0.36 m in an hour: within each group the water is level."""
+    wave = 0.1 * np.array([0.0, 1.0, -1.0] * 4)
+    parts = [part for k in range(12) for part in ping(LINE, k, height=HEIGHT + wave[k])]
+    later = replace(LINE, stamps=LINE.stamps + 3600)
+    more = [part for k in range(12) for part in ping(later, k, height=HEIGHT - 0.36 + wave[k])]
+    found = read(tmp_path, [level(), *parts, *more], ON_ELLIPSOID)
+    expected = np.where(found.stamps < START + 60, HEIGHT - WATER, HEIGHT - WATER - 0.36)
+    np.testing.assert_allclose(found.fixes[:, 2], expected, atol=1e-5)
+
+
+def test_pings_without_a_height_get_that_of_others_or_are_left_out(tmp_path: Path) -> None:
+    """Within half a minute; a file without any is refused by its name."""
+    parts = [part for k in range(12) for part in ping(LINE, k, height=HEIGHT if k == 7 else -999.0)]
+    far = replace(LINE, stamps=LINE.stamps + 60)
+    parts += [part for k in range(3) for part in ping(far, k, height=0.0)]
+    found = read(tmp_path, [level(), *parts], ON_ELLIPSOID)
+    same(found)
+    np.testing.assert_allclose(found.fixes[:, 2], HEIGHT - WATER, atol=1e-5)
+    assert found.notes[-1].endswith("pings left out, without a height above the ellipsoid")
+    words = "line.kmall: it has no heights above the ellipsoid; leave --heights ellipsoid out"
+    refuses(words, read, tmp_path, [level(), *pings(height=-999.0)], ON_ELLIPSOID)
+    refuses("heights above 'MSL': wanted surface or ellipsoid", LineReading, heights="MSL")
+
+
+def test_patches_and_their_map_are_above_the_ellipsoid(tmp_path: Path) -> None:
+    read(tmp_path, kmall(LINE))
+    for reading, vertical, above in ((LineReading(), "surface", 0), (ON_ELLIPSOID, "ellipsoid", HEIGHT - WATER)):
+        clouds = list(line_clouds(tmp_path / "line.kmall", [], reading))
+        patches = {k: cloud.patch for k, cloud in enumerate(clouds) if cloud.patch is not None}
+        scans = [scan_of_cloud(cloud, f"{k}", 0.0)[0] for k, cloud in enumerate(clouds)]
+        there, georeference = placed(scans, patches)
+        heights = [scan.prior.T_world_sensor.translation[2] for scan in there if scan.prior is not None]
+        np.testing.assert_allclose(heights, above - DEPTH, atol=2e-3)
+        assert georeference.vertical == vertical
+    here = replace(georeference, vertical="MSL")
+    refuses("--vertical MSL contradicts --heights ellipsoid", placed, scans, patches, here)

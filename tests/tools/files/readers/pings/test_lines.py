@@ -355,12 +355,12 @@ def test_a_line_of_rejected_soundings_is_refused(tmp_path: Path) -> None:
     line.rejected[:] = True
     path = write_gsf(tmp_path / "line.gsf", line)
     refuses("all 27 soundings of its 3 pings are rejected; --all-soundings keeps them", read, path)
-    assert len(read_line(path, [], all_soundings=True).points) == 27
+    assert len(read_line(path, [], LineReading(all_soundings=True)).points) == 27
 
 
 @pytest.mark.parametrize("suffix", [".gsf", ".all", ".kmall"])
 def test_all_soundings_keep_what_the_file_flags(tmp_path: Path, suffix: str) -> None:
-    line = read_line(written(tmp_path, suffix), [], all_soundings=True)
+    line = read_line(written(tmp_path, suffix), [], LineReading(all_soundings=True))
     np.testing.assert_allclose(line.points, LINE.points.reshape(-1, 3) * [1, -1, -1], atol=TOLERANCE)
     np.testing.assert_array_equal(line.flagged, LINE.rejected.ravel())
     count = LINE.rejected.sum()
@@ -392,9 +392,9 @@ def test_beams_without_a_detection_are_never_soundings(tmp_path: Path) -> None:
     without = sum(int((each.times == 0).sum()) for each in beams)
     path = tmp_path / "line.xtf"
     path.write_bytes(xtf(LINE, beams))
-    line = read_line(path, [], all_soundings=True)
+    line = read_line(path, [], LineReading(all_soundings=True))
     assert (line.rejected, line.flagged.sum()) == (without, 24)
     zero = sample()
     zero.points[3, 4, 2] = 0.0
-    line = read_line(write_gsf(tmp_path / "line.gsf", zero), [], all_soundings=True)
+    line = read_line(write_gsf(tmp_path / "line.gsf", zero), [], LineReading(all_soundings=True))
     assert line.rejected == 1
