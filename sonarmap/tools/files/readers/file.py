@@ -130,7 +130,7 @@ def _checked(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
 def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:
     """The selected clouds that have points; their names have a number if the file holds several."""
     count, empty, first = 0, list[str](), list(islice(clouds, 2))
-    stem = selected.path.name if selected.path.is_dir() else selected.path.stem
+    stem = selected.path.resolve().name if selected.path.is_dir() else selected.path.stem
     for k, cloud in enumerate(chain(first, clouds)):
         count, label = count + 1, f"#{k}" if len(first) > 1 else ""
         named = NamedCloud(selected.path, f"{selected.place}{label}", f"{stem}{label}", cloud)

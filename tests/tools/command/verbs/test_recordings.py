@@ -48,13 +48,17 @@ def dives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return paths | {"ros1": write_ros1(folder / "dive.bag", dive(), "lz4")}
 
 
-def test_inspect_shows_the_same_for_a_bag_folder_and_its_file(dives: dict[str, Path]) -> None:
+def test_inspect_shows_the_same_for_a_bag_folder_and_its_file(
+    dives: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = printed(sonarmap("inspect", dives["ros2"], "--json"))
     (file,) = dives["ros2"].glob("*.db3")
     alone = printed(sonarmap("inspect", file, "--json"))
     assert folder["kinds"] == ["a ROS 2 bag"]
     for name in ("scans", "points", "extent_m", "clock", "grid"):
         assert folder[name] == alone[name]
+    monkeypatch.chdir(dives["ros2"])
+    assert printed(sonarmap("inspect", ".", "--json"))["first"] == "dive#0"
 
 
 @pytest.mark.slow
