@@ -90,7 +90,9 @@ def cloud_of(message: Message) -> tuple[str, Cloud]:
 def _packed_by_ros(content: Any) -> _Packed:
     order = ">" if content.is_bigendian else "<"
     single = [(field.name, field.datatype, field.offset) for field in content.fields if field.count <= 1]
-    shape, strides = (content.height, content.width), (content.row_step, content.point_step)
+    # drivers leave the row step of a cloud with a single row at 0
+    row_step = content.row_step if content.height != 1 else content.row_step or content.width * content.point_step
+    shape, strides = (content.height, content.width), (row_step, content.point_step)
     octets = np.asarray(content.data, np.uint8)
     return _Packed(_layout(single, _ROS_TYPES, order), shape, strides, octets, has_gaps=not content.is_dense)
 

@@ -69,6 +69,13 @@ class TestLayouts:
         np.testing.assert_array_equal(scan.points, POINTS)
         np.testing.assert_array_equal(scan.strength, STRENGTH)
 
+    @pytest.mark.parametrize("writer", ["ros1", "mcap", "sqlite"])
+    def test_a_single_row_needs_no_row_step(self, tmp_path: Path, writer: str) -> None:
+        message = cloud() | {"row_step": 0}
+        np.testing.assert_array_equal(read_scan(WRITERS[writer](tmp_path, single(message))).points, POINTS)
+        rows = write_mcap(tmp_path / "rows.mcap", single(cloud(rows=5) | {"row_step": 0}))
+        refuses("points of 30 bytes, 1 in rows of 0, do not hold its fields", read_scan, rows)
+
     @pytest.mark.parametrize("big", [False, True])
     @pytest.mark.parametrize("dtype", ["i1", "u2", "i4", "f8"])
     def test_fields_of_every_type_are_read(self, tmp_path: Path, dtype: str, big: bool) -> None:
