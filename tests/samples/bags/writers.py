@@ -43,6 +43,8 @@ def _field(store: Any, form: Any, value: Any) -> Any:
     inner, length = argument
     if inner[0] == Nodetype.NAME:
         return [built(store, inner[1], item) for item in value or []]
+    if isinstance(value, list):
+        return np.array(value, inner[1][0])
     return np.zeros(length, inner[1][0]) if value is None else np.frombuffer(value, inner[1][0])
 
 

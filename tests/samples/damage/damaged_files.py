@@ -132,9 +132,9 @@ def _recordings() -> dict[str, Readable]:
     return scans | poses
 
 
-def damage(folder: Path, each: int, seed: int) -> Outcome:
+def damage(folder: Path, each: int, seed: int, files: dict[str, Readable] | None = None) -> Outcome:
     """Damage every kind of file `each` times in an empty folder; a seed gives the same damages."""
-    files, outcome = readables(), Outcome()
+    files, outcome = files or readables(), Outcome()
     contents = [file.content for file in files.values()]
     for kind, file in files.items():
         ends = outcome.ends[kind] = Counter()

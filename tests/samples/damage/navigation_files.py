@@ -8,6 +8,7 @@ import numpy as np
 
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_mount
+from tests.samples.bags.samples import navigation
 from tests.samples.damage.pose_files import Readable
 from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START
 from tests.tools.files.readers.navigation.test_nmea import dive
@@ -37,5 +38,9 @@ NAVIGATION_FILES = {
     "log of a mounted sonar": Readable("log.csv", _LOG.encode(), _MOUNTED),
     "log of a grid": Readable("log.csv", _GRID.encode("utf-16"), _ON_GRID),
     "nmea": Readable("log.nmea", dive(count=12, headings=1).encode(), _AS_IT_SAYS),
+    **{
+        f"{kind} of navigation": Readable(f"nav{suffix}", content, _AS_IT_SAYS)
+        for kind, (suffix, content) in navigation(START).items()
+    },
     "tum as navigation": Readable("nav.tum", _TUM, _AS_IT_SAYS),
 }

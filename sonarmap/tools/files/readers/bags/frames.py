@@ -1,39 +1,23 @@
 """Coordinate frames of a recording: transforms from a sensor's frame to the vehicle's, by tf_static or by the frame's
-name (REP-103); odometry, from nav_msgs/Odometry; and turn rates, from sensor_msgs/Imu.
-"""
+name (REP-103)."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.bags.open import open_recording
-from sonarmap.tools.files.readers.bags.recording import (
-    IMU,
-    ODOMETRY,
-    TRANSFORMS,
-    Recording,
-    choose_topic,
-    decode,
-    refused,
-)
+from sonarmap.tools.files.readers.bags.recording import TRANSFORMS, Recording, decode, refused
 from sonarmap.tools.files.readers.instruments import LARGEST
-from sonarmap.tools.files.user_file import naming
 
 BASE = "base_link"
 # Rotations to x forward, y left, z up, by suffix of a frame's name. Optical frames have x right, y down, z forward.
 _OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-_DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
-R_FLU = {"_optical_frame": _OPTICAL, "_optical": _OPTICAL, "_frd": _DOWN, "_ned": _DOWN}
-_NAMED = 3  # faults that are listed
-_R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
+R_FLU = {"_optical_frame": _OPTICAL, "_optical": _OPTICAL, "_frd": DOWN, "_ned": DOWN}
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +29,7 @@ class Link:
     numbers: tuple[float, ...]  # T_parent_child as x, y, z [m] and the quaternion x, y, z, w
 
     def T_parent_child(self) -> RigidTransform:
-        return rigid([self.numbers], f"the transform {self.parent} to {self.child}")[0]
+        return rigid(np.array([self.numbers]), f"the transform {self.parent} to {self.child}")[0]
 
 
 def numbers_of(place: Any, turn: Any) -> tuple[float, ...]:
@@ -58,11 +42,15 @@ def stamp_of(header: Any) -> int:
     return header.stamp.sec * 10**9 + header.stamp.nanosec
 
 
-def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
-    """Transforms of rows of x, y, z [m] and a unit quaternion; `what` is named in errors."""
-    numbers = np.array(rows, np.float64)
+def are_rigid(numbers: np.ndarray) -> np.ndarray:
+    """(n,) bool: rows (n, 7) of x, y, z [m] and a unit quaternion."""
     length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # clipped, as squares may overflow
-    good = (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
+    return (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
+
+
+def rigid(numbers: np.ndarray, what: str) -> RigidTransform:
+    """Transforms of rows (n, 7) of x, y, z [m] and a unit quaternion; `what` is named in errors."""
+    good = are_rigid(numbers)
     if not good.all():
         bad = int(np.argmin(good))
         shown = " ".join(f"{number:g}" for number in numbers[bad])
@@ -134,62 +122,3 @@ class Frames:
                     T_there_here = link.T_parent_child() if up else link.T_parent_child().inv()
                     waiting.append((there, T_there_here * T_here_frame))
         return "", RigidTransform.identity()
-
-
-def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> Trajectory:
-    """Read odometry as T_odom_base with ascending stamps, transformed to base_link if tf_static has the moving frame.
-    `topic`: of nav_msgs/Odometry; None for the only one."""
-    with naming(path):
-        faults: list[str] = []
-        recording = open_recording(path)
-        trajectory = _of_odometry(recording, choose_topic(recording, topic, (ODOMETRY,), path).name, faults)
-        notes += [f"{path}: {fault}" for fault in faults[:_NAMED]]
-    return trajectory
-
-
-def _of_odometry(recording: Recording, topic: str, faults: list[str]) -> Trajectory:
-    stamps, rows = list[int](), list[tuple[float, ...]]()
-    world = child = ""
-    for number, message in enumerate(recording.messages([topic], faults)):
-        content = decode(message)
-        with refused(f"message {number} of {topic} contradicts itself"):
-            stamps.append(stamp_of(content.header) or message.time)
-            rows.append(numbers_of(content.pose.pose.position, content.pose.pose.orientation))
-            world, child = content.header.frame_id, content.child_frame_id.lstrip("/")
-    T_base_child = Frames(recording).T_base(child)
-    trajectory = _ascending(stamps, rows, f"the pose of {topic}", faults)
-    R_enu_world = _R_ENU_NED if world.endswith("_ned") else Rotation.identity()
-    T = RigidTransform.from_rotation(R_enu_world) * trajectory.T_world_sensor * T_base_child.inv()
-    return Trajectory(trajectory.stamps, T)
-
-
-def _ascending(stamps: Sequence[int], rows: Sequence[tuple[float, ...]], what: str, faults: list[str]) -> Trajectory:
-    """The trajectory of rows sorted by stamp [ns], without duplicate stamps."""
-    if not rows:
-        raise InputError(f"{what} cannot be read" + (f": {faults[0]}" if faults else "; record it again"))
-    kept, indices = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
-    return Trajectory(kept / 1e9, rigid(rows, what)[indices])
-
-
-def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending times (n,) [s, UTC] and turn rates (n, 3) [rad/s] of the sensor_msgs/Imu topic with the most messages,
-    about the axes of base_link if tf_static has the IMU's mounting, otherwise of its own frame (x forward, y left, z
-    up)."""
-    with naming(path):
-        recording = open_recording(path)
-        topics = recording.of_kinds((IMU,))
-        if not topics:
-            raise InputError(f"it has no messages of type {IMU}")
-        frames, rows = Frames(recording), list[tuple[float, float, float, float]]()
-        frame = ""
-        for message in recording.messages([max(topics, key=lambda topic: topic.count).name], []):
-            with suppress(InputError):  # damage is reported when the scans are read
-                content = decode(message)
-                rate, frame = content.angular_velocity, content.header.frame_id.lstrip("/")
-                rows.append(((stamp_of(content.header) or message.time) / 10**9, rate.x, rate.y, rate.z))
-        table = np.array(rows, np.float64).reshape(-1, 4)
-        table = table[np.isfinite(table).all(axis=1)]
-        if not len(table):
-            raise InputError(f"none of its messages of type {IMU} can be read")
-        times, first = np.unique(table[:, 0], return_index=True)
-        return times, frames.T_base(frame).rotation.apply(table[first, 1:])

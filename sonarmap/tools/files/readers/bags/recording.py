@@ -21,8 +21,6 @@ from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 CUT_OR_DAMAGED = "the recording is cut or damaged there; copy it again"
 _LISTED = 12  # topics that a message lists
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
-ODOMETRY = "nav_msgs/msg/Odometry"
-IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 FOXGLOVE_CLOUD = "foxglove.PointCloud"
 LARGEST = 1 << 29  # largest unpacked chunk [bytes]; recorders write a few MB each

@@ -12,7 +12,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.bags.frames import read_recorded_odometry, recorded_turn_rates
+from sonarmap.tools.files.readers.bags.navigation import read_recorded_odometry, recorded_turn_rates
 from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA, poses_of
 from sonarmap.tools.files.readers.navigation.log import SAME_STAMP

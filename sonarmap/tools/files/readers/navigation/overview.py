@@ -1,4 +1,4 @@
-"""Reading a navigation file (CSV, TUM or NMEA 0183), and its overview for `sonarmap inspect`."""
+"""Reading a navigation file (CSV, TUM, NMEA 0183 or a recording), and its overview for `sonarmap inspect`."""
 
 import codecs
 import warnings
@@ -10,6 +10,8 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import Georeference
+from sonarmap.tools.files.readers.bags.navigation import read_recorded_navigation
+from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.csv_table import MISSING, CsvRow, degrees, numbers, read_csv_table, refuse
 from sonarmap.tools.files.readers.instruments import (
     COLUMNS,
@@ -34,6 +36,7 @@ from sonarmap.tools.files.readers.navigation.settings import (
 )
 from sonarmap.tools.files.readers.navigation.times import TimeCells, times_of
 from sonarmap.tools.files.readers.navigation.why_apart import why_apart
+from sonarmap.tools.files.readers.selection import part_of_file
 from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.files.time_scales import Clock, clock_of
 from sonarmap.tools.files.user_file import naming, reading, require_file
@@ -54,6 +57,9 @@ def read_navigation(
 ) -> NavigationLog:
     """The rows of a file, whose kind is recognized by its content. `sigmas`: {column of COLUMNS: standard deviation}
     for columns without one in the file; None if none is needed."""
+    part = part_of_file(str(path))
+    if part is not None and is_recording(part.path):
+        return read_recorded_navigation(part.path, part.topic, settings, sigmas, scans, notes)
     beginning = beginning_of(path)
     if SENTENCE.search(beginning):
         return read_nmea(path, settings, scans, notes)

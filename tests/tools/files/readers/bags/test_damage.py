@@ -16,7 +16,7 @@ import zstandard
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags import recording
-from sonarmap.tools.files.readers.bags.frames import read_recorded_odometry
+from sonarmap.tools.files.readers.bags.navigation import read_recorded_odometry
 from sonarmap.tools.files.readers.bags.recording import Unpacker
 from sonarmap.tools.files.readers.clouds import rows as bounds
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
@@ -24,6 +24,8 @@ from tests.samples.bags.messages import CLOUD, cloud
 from tests.samples.bags.samples import recordings
 from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import put
+from tests.samples.damage.damaged_files import damage
+from tests.samples.damage.navigation_files import NAVIGATION_FILES
 from tests.samples.processor_time import quick, thrifty
 from tests.samples.refusals import refuses
 
@@ -31,6 +33,16 @@ ZEROS = bytes(3 << 20)
 PACKERS: dict[str, Callable[[bytes], bytes]] = {
     "bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": zstandard.ZstdCompressor().compress,
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(("count", "seed"), [(500, 3), pytest.param(5_000, 4, marks=pytest.mark.slow)])
+def test_damaged_recordings_of_navigation_are_refused_or_harmless(tmp_path: Path, count: int, seed: int) -> None:
+    files = {kind: file for kind, file in NAVIGATION_FILES.items() if kind.endswith("of navigation")}
+    outcome = damage(tmp_path, count // len(files) + 1, seed, files)
+    assert outcome.faults == []
+    assert all(ends["refused"] and ends["read"] for ends in outcome.ends.values())
+    assert outcome.longest[0] < 5
+    assert outcome.largest[0] < 300e6
 
 
 @pytest.mark.quick_cases(1)

@@ -131,7 +131,7 @@ def test_frames_that_point_down_are_converted(tmp_path: Path) -> None:
 def test_invalid_poses_are_refused(tmp_path: Path, turn: float, shown: str) -> None:
     records = driven()
     records[2][3]["pose"]["pose"]["orientation"] = dict.fromkeys("xyzw", turn)
-    words = rf"the pose of /odom \(number 2\) is 6 -1\.5 7 {shown}; wanted meters"
+    words = rf"the pose of /odom \(number 3\) is 6 -1\.5 7 {shown}; wanted meters"
     refuses(words, poses_of, write_ros1(tmp_path / "a.bag", records), 100.0, 101.0)
 
 
