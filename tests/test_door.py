@@ -295,7 +295,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]
     np.save(folder / "a.npy", points(1))
     pair = {"target": points(1)[::8], "source": points(1)[::8], **MADE}
     graph = api.PoseGraph(result.trajectory, result.edges)
-    corrections = {"sound_speed": None, "range_scale": 1.0, "frame": "flu", "units": "m"}
+    corrections = {"sound_speed": None, "range_scale": 1.0, "frame": None, "units": "m"}
     survey = dict.fromkeys(("settings", "surveys", "odometry", "progress")) | {"ties": (), "control": ()}
     options = dict.fromkeys(("origin", "cell", "scans", "progress"))
     log = dict.fromkeys(("origin", "sigmas", "columns", "time_scale", "crs", "frame", "declination"))

@@ -356,7 +356,7 @@ def read_scans(
     *paths: str | os.PathLike[str],
     sound_speed: float | None = None,
     range_scale: float = 1.0,
-    frame: str = "flu",
+    frame: str | None = None,
     units: str = "m",
 ) -> list[Scan]:
     """Read every scan of files, folders and patterns, in natural order of their names, as `sonarmap map` does.
@@ -367,7 +367,8 @@ def read_scans(
         sound_speed: true speed of sound [m/s]; the ranges of each scan of a .sonar file are multiplied by its ratio to
             the recorded one. None if the recorded one is right.
         range_scale: another factor on the ranges, for files of any format.
-        frame: axes of the points in the files, as in `--frame`: "flu", "frd", "rdf" or "ned".
+        frame: axes of the points in the files, as in `--frame`: "flu", "frd", "rdf" or "ned"; None for
+            what the file says, as by the name of a frame, and "flu" for others.
         units: unit of the points in the files, as in `--units`: "m", "cm", "mm", "ft" or "us-ft".
 
     Returns:

@@ -71,6 +71,8 @@ class Overview:
         self.with_strength += scan.strength is not None
         self.with_viewpoints += scan.viewpoints is not None
         self.notes += [f"{entry.name}: {note}" for note in entry.notes]
+        if entry.question and entry.question not in self.notes:
+            self.notes.append(entry.question)
         if scan.prior is not None and scan.prior.knows_attitude:
             self.attitudes.append(values_of(scan.prior.T_world_sensor)[:2])
         if entry.sound_speed is not None:

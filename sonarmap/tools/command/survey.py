@@ -155,7 +155,7 @@ class PointReading:
         "NAME",
         "Axes of the points in the files: flu (forward, left, up), frd (forward, right, down), rdf (right, down, "
         "forward, as of cameras) or ned (North, East, Down, for scans that were leveled and turned North).",
-        shown="flu",
+        shown="as the file says, or flu",
     )
     units: str | None = INPUT.option(
         "NAME",
@@ -193,7 +193,7 @@ class PointReading:
         from sonarmap.tools.files.readers.scans import Corrections, PointFrame
 
         scale = 1.0 if self.range_scale is None else self.range_scale
-        frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)
+        frame = PointFrame(self.frame, "m" if self.units is None else self.units)
         heights = DEFAULT_VERTICAL if self.heights is None else self.heights
         lines = LineReading(self.patch, Biases(), self.draught or 0.0, bool(self.all_soundings), heights)
         return Corrections(self.sound_speed, scale, frame, lines)

@@ -286,7 +286,7 @@ def mapped_scans(
 def _corrections(settings: dict[str, Any]) -> Corrections:
     """The corrections of points that the map's settings describe."""
     biases = Biases.of_json(settings["patch_test"]) if "patch_test" in settings else Biases()
-    frame = PointFrame(settings.get("frame", "flu"), settings.get("units", "m"))
+    frame = PointFrame(settings.get("frame"), settings.get("units", "m"))
     lines = LineReading(
         settings.get("patch"),
         biases,

@@ -132,6 +132,8 @@ def _of_mcap(path: Path, corrections: Corrections, more: Callable[[], bool], aft
     for number, cloud in enumerate(stream_recording(path, None, [], more)):
         if number < after.count:
             continue
+        if question := corrections.question(cloud):
+            raise InputError(f"{path}: {question}")
         try:
             scan, _ = scan_of_cloud(corrections.corrected(cloud), f"{path.stem}#{number}", 0.0)
         except InputError:  # an unusable message

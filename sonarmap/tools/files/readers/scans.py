@@ -11,6 +11,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.bags.clouds import moved
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch, scan_of_cloud
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
 from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading
@@ -37,30 +38,33 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
 class PointFrame:
     """The axes and the unit of the points in files."""
 
-    axes: str = "flu"  # a name of FRAMES. The points of "ned" become East-North-Up, of the others forward-left-up.
+    # a name of FRAMES; None for those that the file tells, otherwise flu. The points of "ned" become East-North-Up, of
+    # the others forward-left-up.
+    axes: str | None = None
     unit: str = "m"  # a name of UNITS
 
     def __post_init__(self) -> None:
         for given, known in ((self.axes, FRAMES), (self.unit, UNITS)):
-            if given not in known:
+            if given is not None and given not in known:
                 raise InputError(f"{given!r} is not known; choose one of {', '.join(known)}")
 
     def turned(self, cloud: Cloud) -> Cloud:
         """The cloud with points and viewpoints in meters, x forward, y left, z up."""
-        if self == PointFrame():
-            return cloud
-        viewpoints = None if cloud.viewpoints is None else self._turned(cloud.viewpoints)
-        return replace(cloud, points=self._turned(cloud.points), viewpoints=viewpoints)
+        axes = self.axes or cloud.axes
+        if axes != "flu" or self.unit != "m":
+            viewpoints = None if cloud.viewpoints is None else self._turned(cloud.viewpoints, axes)
+            cloud = replace(cloud, points=self._turned(cloud.points, axes), viewpoints=viewpoints)
+        return cloud if cloud.T_base_flu is None else moved(cloud, cloud.T_base_flu)
 
-    def _turned(self, points: np.ndarray) -> np.ndarray:
-        R_flu_file = np.array(FRAMES[self.axes])
+    def _turned(self, points: np.ndarray, axes: str) -> np.ndarray:
+        R_flu_file = np.array(FRAMES[axes])
         with np.errstate(invalid="ignore", over="ignore"):  # points that are not finite are dropped later
             # columns are permuted, as a matrix product would spread NaN over the other axes
             columns = points[:, np.abs(R_flu_file).argmax(axis=1)].astype(np.float64)
             return columns * (R_flu_file.sum(axis=1) * UNITS[self.unit])
 
 
-FORWARD_LEFT_UP = PointFrame()
+AS_THE_FILE_SAYS = PointFrame()
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +74,7 @@ class Corrections:
     # true speed of sound [m/s]: ranges are multiplied by its ratio to the recorded one; None for no correction
     sound_speed: float | None = None
     scale: float = 1.0  # further factor on ranges, for any format
-    frame: PointFrame = FORWARD_LEFT_UP  # axes and unit of the points in files
+    frame: PointFrame = AS_THE_FILE_SAYS  # axes and unit of the points in files
     lines: LineReading = AS_LINES  # how lines of pings are divided into scans
 
     def __post_init__(self) -> None:
@@ -81,6 +85,10 @@ class Corrections:
             )
         if not (0 < self.scale < math.inf):
             raise InputError(f"`range_scale={self.scale:g}` is not a factor; wanted a number above 0, as 1.02")
+
+    def question(self, cloud: Cloud) -> str:
+        """Why the axes of the points are not known, and what to do; "" if they are."""
+        return cloud.question if self.frame.axes is None else ""
 
     def corrected(self, cloud: Cloud) -> Cloud:
         """The cloud in forward-left-up axes and meters, with ranges from its viewpoints corrected."""
@@ -147,7 +155,11 @@ def read_survey(
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
     store = PointStore()
-    entries = [_kept(entry, store) for entry in read_entries(selection, notes, progress, corrections)]
+    entries = list[ScanEntry]()
+    for entry in read_entries(selection, notes, progress, corrections):
+        if entry.question:
+            raise InputError(f"{entry.where}: {entry.question}")
+        entries.append(_kept(entry, store))
     stamps, stamp_notes = stamps_of([entry.stamp for entry in entries], [entry.is_cloud for entry in entries])
     return _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
 
@@ -187,6 +199,7 @@ class ScanEntry:
     reason: str = ""  # why it could not be read
     sound_speed: float | None = None  # recorded speed of sound [m/s], or None
     patch: PingPatch | None = None  # the pings it is made of, or None
+    question: str = ""  # why its axes are not known, and what to do
 
 
 def read_entries(
@@ -235,11 +248,14 @@ def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
 def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:
     """The entry of a cloud, with its usable points as a scan."""
     path, where, name, cloud = named.path, named.where, named.name, named.cloud
+    question = corrections.question(cloud)
     try:
         scan, notes = scan_of_cloud(corrections.corrected(cloud), name, 0.0)
     except InputError as error:
         return ScanEntry(path, where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
-    return ScanEntry(path, where, name, scan, cloud.stamp, True, tuple(notes), "", cloud.sound_speed, cloud.patch)
+    return ScanEntry(
+        path, where, name, scan, cloud.stamp, True, tuple(notes), "", cloud.sound_speed, cloud.patch, question
+    )
 
 
 def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:

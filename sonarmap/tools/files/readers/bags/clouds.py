@@ -34,9 +34,8 @@ _LARGEST_SECONDS, _SINCE_THE_STAMP = 1e14, 1e6  # times below the latter are rel
 def stream_recording(
     path: Path, topic: str | None, notes: list[str], more: Callable[[], bool] | None = None
 ) -> Iterator[Cloud]:
-    """Yield a cloud for each message of a topic (None: the only one with clouds), with its header's stamp; an empty
-    cloud for an unusable message. Clouds are in base_link if tf_static has the sensor's mounting, otherwise in the
-    sensor's frame. `more`: see `open_mcap`, for an MCAP file that grows."""
+    """Yield a cloud for each message of a topic (None: the only one with clouds), with its header's stamp, axes and
+    mounting; an empty cloud for an unusable message. `more`: see `open_mcap`, for an MCAP file that grows."""
     recording = open_recording(path)
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)
     frames, faults = Frames(recording), list[str]()
@@ -46,7 +45,7 @@ def stream_recording(
     for number, message in enumerate(recording.messages([chosen.name], faults)):
         try:
             frame, cloud = cloud_of(message)
-            cloud = moved(cloud, frames.T_base(frame))
+            cloud = frames.placed(cloud, frame, chosen.name)
         except InputError as error:
             faults.append(f"message {number} of {chosen.name}: {error}")
             yield Cloud(np.empty((0, 3), np.float32), stamp=message.time / 10**9)

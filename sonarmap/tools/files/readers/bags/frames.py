@@ -3,7 +3,7 @@ name (REP-103)."""
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,25 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.recording import TRANSFORMS, Recording, decode, refused
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.instruments import LARGEST
 
 BASE = "base_link"
-# Rotations to x forward, y left, z up, by suffix of a frame's name. Optical frames have x right, y down, z forward.
-_OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
-R_FLU = {"_optical_frame": _OPTICAL, "_optical": _OPTICAL, "_frd": DOWN, "_ned": DOWN}
+# Rotations to x forward, y left, z up. Optical frames have x right, y down, z forward.
+_R_FLU = {
+    "flu": Rotation.identity(),
+    "frd": DOWN,
+    "rdf": Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),
+}
+_AXES = {"_optical_frame": "rdf", "_optical": "rdf", "_frd": "frd", "_ned": "frd"}  # by suffix of a frame's name
+# Water Linked's driver of the Sonar 3D-15 publishes z down in this frame and topic, and a fork of it z up.
+_OPEN_FRAME, _OPEN_TOPIC = "sonar_frame", "sonar_point_cloud"
+_ASKED = (
+    "points in {} may be x forward, y right, z down, as by Water Linked's ROS driver, or x forward, y left, z up, as "
+    "by others; say which: `frame=frd` or `frame=flu`"
+)
+_UPRIGHT = 0.7  # cosine of the angle between z and gravity from which z points up or down
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +89,11 @@ def is_named(frame: str, name: str) -> bool:
     return frame.split("/")[-1] == name
 
 
+def _suffix_of(frame: str) -> str:
+    """The suffix of a frame's name that tells its axes; "" for other names."""
+    return next((suffix for suffix in _AXES if frame.endswith(suffix)), "")
+
+
 class Frames:
     """The mounting of sensors by a recording's tf_static; `notes` has a message about each frame that was transformed,
     and about damage of tf_static."""
@@ -84,26 +101,52 @@ class Frames:
     def __init__(self, recording: Recording) -> None:
         self.notes: list[str] = []
         self._links = {(link.child, link.parent): link for link in links(recording, self.notes)}
-        self._known: dict[str, RigidTransform] = {}
+        self._known: dict[str, tuple[str, RigidTransform]] = {}
+        self._recording = recording
+        self._by_gravity: dict[str, str] = {}
 
     def T_base(self, frame: str) -> RigidTransform:
         """T_base_frame to base_link if tf_static has it, otherwise the rotation to x forward, y left, z up."""
-        if frame not in self._known:
-            self._known[frame] = self._to_base(frame)
-        return self._known[frame]
+        axes, T_base_flu = self._axes_and_mount(frame)
+        return T_base_flu * RigidTransform.from_rotation(_R_FLU[axes])
 
-    def _to_base(self, frame: str) -> RigidTransform:
-        base, T = self._by_tf(frame)
+    def placed(self, cloud: Cloud, frame: str, topic: str) -> Cloud:
+        """The cloud with its axes, and its place in base_link if tf_static has it."""
+        axes, T_base_flu = self._axes_and_mount(frame)
+        is_open = is_named(frame, _OPEN_FRAME) or (is_named(topic, _OPEN_TOPIC) and not _suffix_of(frame))
+        if is_open and not self._by_tf(frame)[0]:
+            axes = self._axes_by_gravity(frame)
+        question = "" if axes else _ASKED.format(frame)
+        return replace(cloud, axes=axes or "flu", question=question, T_base_flu=T_base_flu)
+
+    def _axes_and_mount(self, frame: str) -> tuple[str, RigidTransform]:
+        """The axes of a frame by its name, a key of _R_FLU, and T_base_flu."""
+        if frame in self._known:
+            return self._known[frame]
+        (base, T), suffix = self._by_tf(frame), _suffix_of(frame)
+        axes = _AXES.get(suffix, "flu")
         if base and base != frame:
             yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
             x, y, z = T.translation
             where = f"{x:.3f}, {y:.3f}, {z:.3f} m, with roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} degrees"
             self.notes.append(f"points are in {base}, by tf_static: {frame} is there at {where}")
-        suffix = "" if base else next((suffix for suffix in R_FLU if frame.endswith(suffix)), "")
-        if not suffix:
-            return T
-        self.notes.append(f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says")
-        return RigidTransform.from_rotation(R_FLU[suffix])
+            T = T * RigidTransform.from_rotation(_R_FLU[axes].inv())
+        elif suffix:
+            self.notes.append(f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says")
+        self._known[frame] = axes, T
+        return axes, T
+
+    def _axes_by_gravity(self, frame: str) -> str:
+        """The axes of a frame, "flu" or "frd", by an IMU in it; "" if there is none, or z is not near the vertical."""
+        from sonarmap.tools.files.readers.bags.navigation import up_in  # imports this module
+
+        if frame not in self._by_gravity:
+            up = float(up_in(self._recording, frame)[2])
+            self._by_gravity[frame] = "" if abs(up) < _UPRIGHT else "flu" if up > 0 else "frd"
+            if abs(up) >= _UPRIGHT:
+                side = "up" if up > 0 else "down"
+                self.notes.append(f"points in {frame} have z {side}, as the gravity shows that its IMU measured")
+        return self._by_gravity[frame]
 
     def _by_tf(self, frame: str) -> tuple[str, RigidTransform]:
         """The nearest frame called base_link, and T_base_frame; "" and the identity if there is none."""

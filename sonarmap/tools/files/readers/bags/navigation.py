@@ -42,6 +42,7 @@ _UNUSED = tuple(set(OF_TABLES + OF_NMEA) - {"--nav-frame", "--magnetic-declinati
 _NAMED = 3  # faults that are listed
 _R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 _AIR, _SEA_WATER, _GRAVITY = 101_325.0, 1025.0, 9.80665  # [Pa], [kg/m^3], [m/s^2]
+_ACCELERATION = 1.0  # [m/s^2], by which the mean specific force may differ from gravity
 _PRESSURES = (6e4, 1.2e8)  # absolute pressures that are possible, from a mountain lake to the deepest sea [Pa]
 _UNMEASURED = np.array([180.0] * 3 + [1e4] * 3)  # [deg, m]: drivers write such deviations for what is not measured
 _UNKNOWN_TILT = 0.2  # [rad], standard deviation of a tilt that was not measured
@@ -140,6 +141,19 @@ def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(f"none of its messages of type {IMU} can be read")
         R_base_imu = Frames(recording).T_base(series.frame).rotation
         return series.times[known], R_base_imu.apply(rates[known])
+
+
+def up_in(recording: Recording, frame: str) -> np.ndarray:
+    """The direction (3,) of the mean specific force of an IMU in a frame, which points up; 0 if there is none."""
+    for topic in recording.of_kinds((IMU,)):
+        series = _series(recording, topic, [])
+        forces = series.numbers[:, 16:19]
+        forces = forces[np.isfinite(forces).all(axis=1)]
+        if series.frame == frame and len(forces):
+            mean = np.clip(forces, -1e3, 1e3).mean(axis=0)
+            if abs(np.linalg.norm(mean) - _GRAVITY) < _ACCELERATION:
+                return mean / np.linalg.norm(mean)
+    return np.zeros(3)
 
 
 def read_recorded_navigation(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -42,7 +42,7 @@ class PingPatch:
 class Cloud:
     """One cloud as its file holds it, not yet checked."""
 
-    points: np.ndarray  # (N, 3), integer or floating [m], x forward, y left, z up; NaN and inf allowed
+    points: np.ndarray  # (N, 3), integer or floating [m]; NaN and inf allowed
     strength: np.ndarray | None = None  # (N,), integer or floating, linear, or None
     stamp: float | None = None  # time [s, UTC], or None where the file carries none
     notes: tuple[str, ...] = field(default=())  # messages for the user about this cloud
@@ -52,6 +52,9 @@ class Cloud:
     prior: PosePrior | None = None  # pose measured by the sensor's own instruments, or None
     sound_speed: float | None = None  # speed of sound with which the sensor computed ranges [m/s], or None
     patch: PingPatch | None = None  # the pings of a line it is made of, or None
+    axes: str = "flu"  # of the points by the file, a name of `readers.scans.FRAMES`
+    question: str = ""  # why these axes may be others, and what to do
+    T_base_flu: RigidTransform | None = None  # from the sensor (x forward, y left, z up) to the scan's frame
 
 
 def column_roles(names: Sequence[str]) -> dict[str, int]:
