@@ -274,6 +274,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
     from sonarmap.tools.files.map_folder.names import JOURNAL
     from sonarmap.tools.files.user_file import input_rows
     from sonarmap.tools.products.output.folder import SurveyRun, survey_times, write_survey
+    from sonarmap.tools.products.output.upside_down import upside_down
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out
     prepared = prepared_limit(method.registrar, options.processes)
@@ -295,6 +296,8 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
         files = settings.get("priors", "what recordings measured")
         named = " and ".join(files) if isinstance(files, list) else files
         result = with_mistake(result, read.scans, named, survey.georeference)
+        if survey.vet is not None and not result.mistake:
+            result = replace(result, mistake=upside_down(result, read.scans))
         times = survey_times(execution.timings, options.processes)
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)

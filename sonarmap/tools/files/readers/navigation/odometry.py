@@ -5,21 +5,20 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.bags.navigation import read_recorded_odometry, recorded_turn_rates
+from sonarmap.tools.files.readers.bags.navigation import recorded_turn_rates
 from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA, poses_of
 from sonarmap.tools.files.readers.navigation.log import SAME_STAMP
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from sonarmap.tools.files.readers.navigation.why_apart import why_apart
-from sonarmap.tools.files.readers.selection import is_bag_folder, part_of_file
+from sonarmap.tools.files.readers.selection import is_bag_folder
 from sonarmap.tools.files.readers.trajectory import poses_at
 
 _GAP = 10.0  # ratio to the usual time between poses, from which on they are not interpolated
@@ -70,20 +69,6 @@ def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 def _trajectory(path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]) -> Trajectory:
     """The poses of the sonar, in the frame of the dead reckoning."""
-    part = part_of_file(str(path))
-    if part is not None and is_recording(part.path):
-        recorded = read_recorded_odometry(part.path, part.topic, notes)
-        T_odom_vehicle, times = recorded.T_world_sensor, recorded.stamps
-    else:
-        T_odom_vehicle, times = _read_log(path, settings, stamps, notes)
-    T = T_odom_vehicle * settings.mount.T_vehicle_sensor if settings.mount else T_odom_vehicle
-    return Trajectory(times + settings.offset, T)
-
-
-def _read_log(
-    path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]
-) -> tuple[RigidTransform, np.ndarray]:
-    """Poses T_odom_vehicle and their times [s]."""
     log = read_navigation(path, settings, None, stamps, notes)
     missing = ["stamp"] * (log.key == "name")
     missing += [COLUMNS[k] for k in np.flatnonzero(np.isnan(log.values).all(axis=0)).tolist()]
@@ -91,7 +76,9 @@ def _read_log(
         raise InputError(f"{path}: odometry needs times and {', '.join(COLUMNS)}; {', '.join(missing)} not found")
     for row, column in np.argwhere(np.isnan(log.values)).tolist():
         raise InputError(f"{path}: line {log.lines[row]}: {COLUMNS[column]} is empty; odometry needs all in every row")
-    return poses_of(log.values), log.times
+    T_odom_vehicle = poses_of(log.values)
+    T = T_odom_vehicle * settings.mount.T_vehicle_sensor if settings.mount else T_odom_vehicle
+    return Trajectory(log.times + settings.offset, T)
 
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:

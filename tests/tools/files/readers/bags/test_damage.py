@@ -16,7 +16,6 @@ import zstandard
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags import recording
-from sonarmap.tools.files.readers.bags.navigation import read_recorded_odometry
 from sonarmap.tools.files.readers.bags.recording import Unpacker
 from sonarmap.tools.files.readers.clouds import rows as bounds
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
@@ -26,6 +25,7 @@ from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import put
 from tests.samples.damage.damaged_files import damage
 from tests.samples.damage.navigation_files import NAVIGATION_FILES
+from tests.samples.damage.pose_files import read_as_odometry
 from tests.samples.processor_time import quick, thrifty
 from tests.samples.refusals import refuses
 
@@ -223,13 +223,7 @@ def test_ros_1_records_of_impossible_length_are_refused(tmp_path: Path, kind: st
     for at in (13, content.rindex(b"conn=") - 8):
         path = put(tmp_path / "a.bag", content[:at] + claim + content[at + 4 :])
         with thrifty():
-            refuses(
-                r"a\.bag: its index cannot be read; `rosbag reindex` makes another",
-                read_recorded_odometry,
-                path,
-                None,
-                [],
-            )
+            refuses(r"a\.bag: its index cannot be read; `rosbag reindex` makes another", read_as_odometry, path)
 
 
 @pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.files.readers.scans import read_scan, read_scans
-from tests.samples.bags.messages import CLOUD, TF, cloud, transforms
+from sonarmap.tools.command.overview import overview_of
+from sonarmap.tools.files.readers.scans import Corrections, PointFrame, read_scan, read_scans
+from tests.samples.bags.messages import CLOUD, IMU, TF, cloud, imu, transforms
 from tests.samples.bags.writers import WRITERS, Record, write_mcap
 from tests.samples.cloud_files import POINTS, STRENGTH
 from tests.samples.refusals import refuses
@@ -61,6 +62,53 @@ def test_optical_and_frd_frames_are_turned(tmp_path: Path, frame: str, axes: lis
     read = read_scans([write_mcap(tmp_path / "a.mcap", [("/points", CLOUD, 1.0, cloud(frame=frame))])])
     np.testing.assert_allclose(read.scans[0].points, POINTS[:, axes] * signs, atol=1e-6)
     assert read.notes[0].startswith(f"a.mcap: points in {frame} are turned to x forward, y left, z up, as its name _")
+
+
+DOWN = POINTS * [1, -1, -1]
+
+
+@pytest.mark.parametrize(
+    ("frame", "topic"), [("sonar_frame", "/points"), ("rov/sonar_frame", "/p"), ("sonar", "/rov/sonar_point_cloud")]
+)
+@pytest.mark.parametrize("writer", ["ros1", "mcap", "sqlite"])
+def test_the_axes_of_the_makers_driver_are_asked_for(tmp_path: Path, writer: str, frame: str, topic: str) -> None:
+    path = WRITERS[writer](tmp_path, [(topic, CLOUD, 1.0, cloud(frame=frame))])
+    refuses(f"points in {frame} may be x forward, y right, z down, .* `frame=frd` or `frame=flu`", read_scans, [path])
+    notes = [note for note in overview_of([path]).notes if "say which" in note]
+    assert len(notes) == 1
+    for axes, points in (("flu", POINTS), ("frd", DOWN)):
+        read = read_scans([path], Corrections(frame=PointFrame(axes)))
+        np.testing.assert_allclose(read.scans[0].points, points, atol=1e-6)
+
+
+@pytest.mark.parametrize(("z", "points", "side"), [(9.7, POINTS, "up"), (-9.7, DOWN, "down"), (4.0, None, "")])
+def test_gravity_shows_the_axes_of_the_makers_driver(tmp_path: Path, z: float, points: np.ndarray, side: str) -> None:
+    """With roll and pitch of a vehicle; on its side the sonar shows nothing, and neither does an IMU elsewhere."""
+    force = (1.0, np.sqrt(9.80665**2 - z**2 - 1.0), z)
+    records = [("/imu", IMU, 1.0 + k, imu(1.0 + k, force=force, frame="sonar_frame")) for k in range(3)]
+    records += [("/other", IMU, 1.0, imu(1.0, force=(0, 0, 9.8), frame="imu_link"))]
+    path = write_mcap(tmp_path / "a.mcap", [*records, ("/points", CLOUD, 1.0, cloud(frame="sonar_frame"))])
+    if points is None:
+        refuses("say which", read_scans, [path])
+        return
+    read = read_scans([path])
+    np.testing.assert_allclose(read.scans[0].points, points, atol=1e-6)
+    assert f"points in sonar_frame have z {side}, as the gravity shows" in read.notes[0]
+
+
+@pytest.mark.parametrize("frame", ["sonar_frame", "sonar_frd"])
+def test_the_axes_that_are_given_are_the_sensors_own(tmp_path: Path, frame: str) -> None:
+    """They are used before the mounting, once, and in place of those that a name tells."""
+    link = ("base_link", frame, (1, 2, 3), ALONE if frame == "sonar_frame" else (1, 0, 0, 0))
+    given = Corrections(frame=PointFrame("frd"))
+    mounted_at = write_mcap(tmp_path / "a.mcap", mounted(link, frame=frame))
+    np.testing.assert_allclose(read_scans([mounted_at], given).scans[0].points, DOWN + np.arange(1, 4), atol=1e-6)
+    if frame == "sonar_frd":
+        np.testing.assert_allclose(read_scans([mounted_at]).scans[0].points, DOWN + np.arange(1, 4), atol=1e-6)
+        alone = write_mcap(tmp_path / "b.mcap", mounted(frame=frame))
+        np.testing.assert_allclose(read_scans([alone], given).scans[0].points, DOWN, atol=1e-6)
+        up = Corrections(frame=PointFrame("flu"))
+        np.testing.assert_allclose(read_scans([alone], up).scans[0].points, POINTS, atol=1e-6)
 
 
 def test_tf_is_preferred_to_the_name(tmp_path: Path) -> None:

@@ -1,0 +1,77 @@
+"""Whether a map is upside down: level surfaces above the sonar, and motion that does not show which side is up.
+
+A bed lies below the sonar; a hull or ice above it. A wall shows nothing. If the vehicle turns, tilts or changes depth,
+the registrations agree with the navigation only if the scans are upright.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.parts import placed
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.navigation.contradictions import Registered, added, measured_values, pair_costs
+
+_SAMPLE = 5_000  # points whose surface is fitted
+_MOST = 200_000  # points among which their neighbors are sought
+_NEIGHBORS = 16
+_LEVEL = 0.9  # cosine of the angle between a surface's normal and the vertical, from which it is level
+_FLAT = 0.2  # largest ratio of the smallest to the middle variance of neighbors on a surface
+_BROAD = 0.1  # least ratio of the middle to the largest
+_LEAST = 0.05  # share of the sample that has to lie on level surfaces
+_ABOVE = 0.8  # share of these above the sonar, from which the map may be upside down
+_DECISIVE = 36.0  # chi-squared by which registrations and navigation show that the scans are upright
+
+
+def upside_down(result: SurveyResult, scans: Sequence[Scan]) -> str:
+    """Why the map may be upside down, and what to do; "" if nothing speaks for it, or depth or attitude is unknown."""
+    known = np.array([p is not None and p.knows_attitude and p.knows_depth for p in (scan.prior for scan in scans)])
+    if known.sum() < len(scans) / 2:
+        return ""
+    heights = np.concatenate([_heights(result, c) for c in placed(result.components)])
+    share = float((heights > 0).mean()) if len(heights) else 0.0
+    if share < _ABOVE or _upright_by(result, scans) > _DECISIVE:
+        return ""
+    return (
+        f"the map may be upside down: {100 * share:.0f} % of its level surfaces lie above the sonar, as no bed does. "
+        "The navigation's motion does not show which side is up. If z has the other sign give --frame, if the sonar "
+        "is mounted upside down --mount 180,0,0, and if it is a hull or ice --no-check-priors"
+    )
+
+
+def _heights(result: SurveyResult, component: int) -> np.ndarray:
+    """Heights above the sonar [m] of points on level surfaces, of a sample of a component's map; empty if they are few
+    of the sample."""
+    points, scan = result.maps[component].points, result.maps[component].scan
+    points, scan = (array[:: len(points) // _MOST + 1] for array in (points, scan))
+    if len(points) < _NEIGHBORS:
+        return np.empty(0)
+    chosen = np.arange(0, len(points), len(points) // _SAMPLE + 1)
+    near = points[KDTree(points).query(points[chosen], _NEIGHBORS)[1]]
+    spread = near - near.mean(axis=1, keepdims=True)
+    variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", spread, spread))
+    is_surface = (variances[:, 0] < _FLAT * variances[:, 1]) & (variances[:, 1] > _BROAD * variances[:, 2])
+    level = is_surface & (np.abs(axes[:, 2, 0]) > _LEVEL)
+    sonar = result.trajectory.T_world_sensor.translation[scan[chosen], 2]
+    return (points[chosen, 2] - sonar)[level] if level.mean() >= _LEAST else np.empty(0)
+
+
+def _upright_by(result: SurveyResult, scans: Sequence[Scan]) -> float:
+    """Chi-squared of the registrations by which the navigation agrees better with the scans as they are than turned
+    upside down; about 0 for level motion at one depth and heading."""
+    edges = [edge for edge in result.edges if edge.is_registered]
+    if not edges:
+        return 0.0
+    by_scans = [edge.registration.by_scans for edge in edges]
+    registered = Registered(
+        np.array([edge.i for edge in edges]),
+        np.array([edge.j for edge in edges]),
+        RigidTransform.concatenate([each.T_target_source for each in by_scans]),
+        np.array([each.covariance for each in by_scans]),
+    )
+    values, sigmas = measured_values([scan.prior for scan in scans])
+    given, turned = (pair_costs(each, sigmas, registered)[:, 0].sum() for each in (values, added(180.0, 0)(values)))
+    return float(turned - given)
