@@ -118,10 +118,15 @@ def _write_poses(ros: _Ros, part: MapPart, first: float) -> None:
         ros.make("geometry_msgs/msg/PoseStamped", ros.header(stamp, MAP), ros.placed("Pose", "Point", pose))
         for stamp, pose in zip(stamps, numbers, strict=True)
     ]
+    to_ros = np.zeros_like(part.covariances)  # of position in the map, then of roll, pitch and yaw
+    to_ros[:, :3, 3:], to_ros[:, 3:, :3] = part.trajectory.T_world_sensor.rotation.as_matrix(), np.eye(3)
+    covariances = to_ros @ part.covariances @ to_ros.mT
     ros.write("/track", first, ros.make("nav_msgs/msg/Path", ros.header(first, MAP), poses))
     for k in np.argsort(part.trajectory.stamps, kind="stable").tolist():
         ros.write("/tf", stamps[k], ros.transforms(stamps[k], SENSOR, numbers[k]))
-        ros.write("/pose", stamps[k], poses[k])
+        placed = ros.make("geometry_msgs/msg/PoseWithCovariance", poses[k].pose, covariances[k].ravel())
+        message = ros.make("geometry_msgs/msg/PoseWithCovarianceStamped", poses[k].header, placed)
+        ros.write("/pose", stamps[k], message)
 
 
 def _write_positions(ros: _Ros, earth: Georeferenced) -> None:

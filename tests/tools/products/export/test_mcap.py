@@ -10,8 +10,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.readers.instruments import values_of
+from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.mcap import write_mcap
+from tests.tools.files.readers.navigation.logs import scans_at
 from tests.tools.products.export.poses import dive, with_part
 
 KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -77,12 +80,28 @@ def test_poses_and_transforms_follow_the_trajectory(topics: dict[str, list[tuple
         assert at == when == pytest.approx(1.7e9 + 2.5 * k, abs=1e-6)
         assert (transform.header.frame_id, transform.child_frame_id, pose.header.frame_id) == ("map", "sensor", "map")
         for place, turn in (
-            (pose.pose.position, pose.pose.orientation),
+            (pose.pose.pose.position, pose.pose.pose.orientation),
             (transform.transform.translation, transform.transform.rotation),
         ):
             np.testing.assert_allclose(numbers(place, "xyz"), part.T_world_sensor[k].translation, atol=1e-12)
             R = Rotation.from_quat(numbers(turn, "xyzw"))
             assert (R.inv() * part.T_world_sensor[k].rotation).magnitude() < 1e-12
+
+
+def test_the_covariances_of_poses_are_read_back_as_priors(tmp_path: Path) -> None:
+    """Of position in the map and of roll, pitch and heading, with different numbers for each."""
+    earth = dive()
+    part = replace(earth.part, covariances=np.tile(np.diag(np.arange(1.0, 7.0) ** 2 * 1e-6), (6, 1, 1)))
+    write_mcap(tmp_path / "map.mcap", earth.folder, part, None)
+    T = part.trajectory.T_world_sensor
+    scans = scans_at(*part.trajectory.stamps.tolist())
+    found = navigate(scans, Path(f"{tmp_path / 'map.mcap'}::/pose")).scans
+    for k, prior in enumerate(scan.prior for scan in found):
+        assert prior is not None
+        np.testing.assert_allclose(values_of(prior.T_world_sensor), values_of(T[k]), atol=1e-6)
+        R = T[k].rotation.as_matrix()
+        expected = [1e-3, 2e-3, 3e-3, *np.sqrt(np.diag(R @ np.diag([16.0, 25.0, 36.0]) @ R.T)) * 1e-3]
+        np.testing.assert_allclose(prior.sigmas, expected, rtol=1e-6)
 
 
 def test_a_map_far_from_its_origin_has_a_cloud_frame(tmp_path: Path) -> None:
@@ -100,7 +119,7 @@ def test_a_map_far_from_its_origin_has_a_cloud_frame(tmp_path: Path) -> None:
     assert (transform.header.frame_id, transform.child_frame_id, cloud.header.frame_id) == ("map",) + ("map_cloud",) * 2
     origin = numbers(transform.transform.translation, "xyz")
     np.testing.assert_allclose(xyz(table(cloud)) + origin, far.part.points, rtol=0, atol=1e-4)
-    np.testing.assert_array_equal(numbers(topics["/pose"][2][1].pose.position, "xyz"), moved[2].translation)
+    np.testing.assert_array_equal(numbers(topics["/pose"][2][1].pose.pose.position, "xyz"), moved[2].translation)
     assert "/position" not in topics
 
 
@@ -108,7 +127,7 @@ def test_counters_are_written_as_ascending_seconds(tmp_path: Path) -> None:
     topics = messages(tmp_path, dive(stamps=np.array([3.0, 4, 5, 0, 1, 2])))
     assert [time for time, _ in topics["/pose"]] == [0, 1, 2, 3, 4, 5]
     first = dive().part.trajectory.T_world_sensor[3].translation
-    np.testing.assert_allclose(numbers(topics["/pose"][0][1].pose.position, "xyz"), first)
+    np.testing.assert_allclose(numbers(topics["/pose"][0][1].pose.pose.position, "xyz"), first)
     assert topics["/map/points"][0][0] == 0
 
 
@@ -131,7 +150,7 @@ def test_rosbags_reads_the_poses(tmp_path: Path) -> None:
     with AnyReader([tmp_path / "map.mcap"]) as reader:
         read = reader.messages([each for each in reader.connections if each.topic == "/pose"])
         poses: list[Any] = [reader.deserialize(raw, each.msgtype) for each, _, raw in read]
-    places = [numbers(pose.pose.position, "xyz") for pose in poses]
+    places = [numbers(pose.pose.pose.position, "xyz") for pose in poses]
     np.testing.assert_allclose(places, earth.part.trajectory.T_world_sensor.translation, atol=1e-12)
     with (tmp_path / "map.mcap").open("rb") as file:
         reader = make_reader(file)
