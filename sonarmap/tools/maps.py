@@ -194,7 +194,7 @@ def read_navigation(
     """Add priors to scans: poses that instruments measured, read as in `sonarmap map --priors` (docs/navigation.md).
 
     Args:
-        logs: a CSV, TUM or NMEA 0183 log, or several, each for other quantities or other scans.
+        logs: a CSV, TUM or NMEA 0183 log, a ROS bag or MCAP file, or several, each for other quantities or other scans.
         scans: as in `map_scans`; rows are matched to them by name, stamp or time.
         origin: origin of the map's frame; None for the first fix, if the file has any on the Earth.
         sigmas: standard deviations for files without any: roll, pitch, heading [rad], East, North, Up [m].

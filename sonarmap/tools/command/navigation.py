@@ -50,9 +50,9 @@ class PriorsFile:
 
     priors: list[Path] = NAVIGATION.option(
         "FILE",
-        "Measured poses: a CSV, TUM or NMEA 0183 log. CSV columns: name or stamp, then any of roll_deg, pitch_deg, "
-        "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on. `sonarmap inspect --template` writes such a table. "
-        "Repeat it for files with other quantities or scans.",
+        "Measured poses: a CSV, TUM or NMEA 0183 log, or a ROS bag or MCAP (FILE::TOPIC). CSV columns: name or stamp, "
+        "then any of roll_deg, pitch_deg, heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on. `sonarmap inspect "
+        "--template` writes such a table. Repeat it for files with other quantities or scans.",
         [],
     )
     prior_sigmas: str | None = NAVIGATION.option(

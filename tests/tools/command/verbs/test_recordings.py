@@ -9,7 +9,7 @@ import pytest
 from sonarmap.tools.files.readers.clouds.ply import read_ply
 from sonarmap.tools.files.readers.trajectory import read_tum
 from sonarmap.tools.files.writers.points import write_ply
-from tests.samples.bags.messages import CLOUD, ODOMETRY, STAMP, cloud, odometry
+from tests.samples.bags.messages import CLOUD, IMU, ODOMETRY, PRESSURE, STAMP, cloud, imu, odometry, pressure
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import las
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, printed, refused, scan, sonarmap
@@ -87,6 +87,25 @@ def test_odometry_is_read_from_the_recording(dives: dict[str, Path], tmp_path: P
     assert [s["name"] for s in summary["scans"]] == [f"dive#{k}" for k in range(COUNT)]
     result = sonarmap("map", dives["ply"], "-o", tmp_path / "other", *GRID, "--odometry", dives[kind])
     refused(result, f"error: {dives[kind]} covers 0 of the 3 scans: the rows run from {STAMP}.000 s")
+
+
+@pytest.mark.slow
+def test_priors_are_read_from_the_recording_of_the_scans(tmp_path: Path) -> None:
+    records = dive()
+    for k, T in enumerate(T_WORLD_SENSOR[:COUNT]):
+        time = STAMP + 2.0 * k
+        records.append(("/imu", IMU, time, imu(time, T.rotation.as_quat().tolist(), [1e-4, 1e-4, 1e-3])))
+        depth = 1025 * 9.80665 * (50.0 - T.translation[2])
+        records.append(("/pressure", PRESSURE, time, pressure(time, 101_325 + depth, 1e6)))
+    bag = write_ros2(tmp_path / "dive", records)
+    done(sonarmap("map", bag, "-o", tmp_path / "whole", *GRID, "--priors", bag))
+    topics = ("--priors", f"{bag}::/imu", "--priors", f"{bag}::/pressure")
+    done(sonarmap("map", bag, "-o", tmp_path / "topics", *GRID, *topics))
+    tracks = [read_tum(tmp_path / name / "trajectory.tum").T_world_sensor for name in ("whole", "topics")]
+    np.testing.assert_allclose(tracks[0].as_matrix(), tracks[1].as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(
+        tracks[0].translation[:, 2], [T.translation[2] - 50 for T in T_WORLD_SENSOR[:COUNT]], atol=0.1
+    )
 
 
 def test_scans_of_a_recording_are_registered(dives: dict[str, Path]) -> None:

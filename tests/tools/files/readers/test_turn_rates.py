@@ -10,8 +10,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.bags.navigation import recorded_turn_rates
 from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
+from sonarmap.tools.files.readers.navigation.recorded import recorded_turn_rates
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.readers.sonar.recording import turn_rates
 from tests.samples.bags.messages import CLOUD, FIELDS, STAMP, TF, cloud, header, transforms, xyz

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.frames import Frames, numbers_of, stamp_of
+from sonarmap.tools.files.readers.bags.frames import Frames, numbers_of
 from sonarmap.tools.files.readers.bags.open import open_mcap, open_recording
 from sonarmap.tools.files.readers.bags.recording import (
     FOXGLOVE_CLOUD,
@@ -18,6 +18,7 @@ from sonarmap.tools.files.readers.bags.recording import (
     choose_topic,
     decode,
     refused,
+    stamp_of,
 )
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
 

@@ -11,10 +11,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.recording import TRANSFORMS, Recording, decode, refused
+from sonarmap.tools.files.readers.bags.series import BASE, up_in
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.instruments import LARGEST
 
-BASE = "base_link"
 DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
 # Rotations to x forward, y left, z up. Optical frames have x right, y down, z forward.
 _R_FLU = {
@@ -47,11 +47,6 @@ class Link:
 def numbers_of(place: Any, turn: Any) -> tuple[float, ...]:
     """Numbers (7,) of a message's position x, y, z and quaternion x, y, z, w."""
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-
-
-def stamp_of(header: Any) -> int:
-    """The stamp of a ROS header [ns since 1970]; 0 if it has none."""
-    return header.stamp.sec * 10**9 + header.stamp.nanosec
 
 
 def are_rigid(numbers: np.ndarray) -> np.ndarray:
@@ -138,8 +133,6 @@ class Frames:
 
     def _axes_by_gravity(self, frame: str) -> str:
         """The axes of a frame, "flu" or "frd", by an IMU in it; "" if there is none, or z is not near the vertical."""
-        from sonarmap.tools.files.readers.bags.navigation import up_in  # imports this module
-
         if frame not in self._by_gravity:
             up = float(up_in(self._recording, frame)[2])
             self._by_gravity[frame] = "" if abs(up) < _UPRIGHT else "flu" if up > 0 else "frd"

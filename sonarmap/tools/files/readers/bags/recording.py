@@ -109,6 +109,11 @@ def refused(what: str) -> Iterator[None]:
         raise InputError(f"{what} ({reason[:200]}): {CUT_OR_DAMAGED}") from error
 
 
+def stamp_of(header: Any) -> int:
+    """The stamp of a ROS header [ns since 1970]; 0 if it has none."""
+    return header.stamp.sec * 10**9 + header.stamp.nanosec
+
+
 def topics_of(counts: Mapping[tuple[str, str], int]) -> tuple[Topic, ...]:
     """Topics, sorted by name, from {(name, type): count}."""
     return tuple(Topic(name, kind, count) for (name, kind), count in sorted(counts.items()))

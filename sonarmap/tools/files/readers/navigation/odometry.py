@@ -11,11 +11,11 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.bags.navigation import recorded_turn_rates
 from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA, poses_of
 from sonarmap.tools.files.readers.navigation.log import SAME_STAMP
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
+from sonarmap.tools.files.readers.navigation.recorded import recorded_turn_rates
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from sonarmap.tools.files.readers.navigation.why_apart import why_apart
 from sonarmap.tools.files.readers.selection import is_bag_folder

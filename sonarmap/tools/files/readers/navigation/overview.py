@@ -10,7 +10,6 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import Georeference
-from sonarmap.tools.files.readers.bags.navigation import read_recorded_navigation
 from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.csv_table import MISSING, CsvRow, degrees, numbers, read_csv_table, refuse
 from sonarmap.tools.files.readers.instruments import (
@@ -27,6 +26,7 @@ from sonarmap.tools.files.readers.navigation.columns import MEASURED, PAIRS, Col
 from sonarmap.tools.files.readers.navigation.headings import SOURCES, column_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans, usable_rows
 from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
+from sonarmap.tools.files.readers.navigation.recorded import read_recorded_navigation
 from sonarmap.tools.files.readers.navigation.settings import (
     OF_NMEA,
     OF_TABLES,

@@ -6,22 +6,30 @@ moved to base_link if tf_static has its mounting.
 """
 
 import warnings
-from array import array
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import Georeference
-from sonarmap.tools.files.readers.bags.frames import BASE, DOWN, Frames, are_rigid, rigid, stamp_of
+from sonarmap.tools.files.readers.bags.frames import DOWN, Frames, are_rigid, rigid
 from sonarmap.tools.files.readers.bags.open import open_recording
-from sonarmap.tools.files.readers.bags.recording import Recording, Topic, choose_topic, decode, listed, refused
+from sonarmap.tools.files.readers.bags.recording import Recording, Topic, choose_topic, listed
+from sonarmap.tools.files.readers.bags.series import (
+    ABSOLUTE,
+    FIELDS,
+    FIX,
+    GRAVITY,
+    IMU,
+    ODOMETRY,
+    POSE,
+    PRESSURE,
+    Series,
+    series_of,
+)
 from sonarmap.tools.files.readers.instruments import COLUMNS, LEAST_SIGMA, PRIOR_SIGMAS, poses_of, values_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.settings import (
@@ -33,72 +41,14 @@ from sonarmap.tools.files.readers.navigation.settings import (
 )
 from sonarmap.tools.files.user_file import naming
 
-ODOMETRY, POSE = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped"
-FIX, IMU, PRESSURE = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu", "sensor_msgs/msg/FluidPressure"
-# Kinds of messages, and the fields whose numbers are read. All but odometry measure the pose in the world.
-_FIELDS = {
-    POSE: ("pose",),  # x, y, z, the quaternion, and 36 covariances of position and rotation
-    FIX: ("longitude", "latitude", "status.status", "position_covariance_type", "position_covariance"),
-    IMU: ("orientation", "orientation_covariance", "angular_velocity", "linear_acceleration"),
-    PRESSURE: ("fluid_pressure", "variance"),
-    ODOMETRY: ("pose",),
-}
-_ABSOLUTE = (POSE, FIX, IMU, PRESSURE)
 _UNUSED = tuple(set(OF_TABLES + OF_NMEA) - {"--nav-frame", "--magnetic-declination"})
 _NAMED = 3  # faults that are listed
 _R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
-_AIR, _SEA_WATER, _GRAVITY = 101_325.0, 1025.0, 9.80665  # [Pa], [kg/m^3], [m/s^2]
-_ACCELERATION = 1.0  # [m/s^2], by which the mean specific force may differ from gravity
+_AIR, _SEA_WATER = 101_325.0, 1025.0  # [Pa], [kg/m^3]
 _PRESSURES = (6e4, 1.2e8)  # possible absolute pressures, from a mountain lake to the deepest sea [Pa]
 _AROUND = 0.5  # [s], before and after a scan, in which accelerations are averaged
 _UNMEASURED = np.array([180.0] * 3 + [1e4] * 3)  # [deg, m]: drivers write such deviations for what is not measured
 _UNKNOWN_TILT = 0.2  # [rad], standard deviation of a tilt that was not measured
-
-
-@dataclass(frozen=True, slots=True)
-class _Series:
-    """The messages of a topic in the order of their stamps."""
-
-    topic: str
-    times: np.ndarray  # (n,) float64 [s, UTC], without duplicates
-    numbers: np.ndarray  # (n, m) float64, by _FIELDS
-    frame: str  # in the header of the last message
-    child: str  # the moving frame
-
-
-def _flat(value: Any) -> Iterator[float]:
-    """The numbers in a message, or in a part of it, in order."""
-    if isinstance(value, int | float):
-        yield value
-    elif isinstance(value, np.ndarray):
-        yield from value.tolist()
-    elif not isinstance(value, str):
-        for field in fields(value):
-            yield from _flat(getattr(value, field.name))
-
-
-def _series(recording: Recording, topic: Topic, faults: list[str]) -> _Series:
-    times, numbers, frame, child = array("d"), array("d"), "", ""
-    for number, message in enumerate(recording.messages([topic.name], faults)):
-        try:
-            content = decode(message)
-            with refused(f"its {topic.kind} contradicts itself"):
-                numbers.extend([each for name in _FIELDS[topic.kind] for each in _flat(attrgetter(name)(content))])
-                frame = content.header.frame_id.lstrip("/")
-                child = BASE if topic.kind == POSE else getattr(content, "child_frame_id", frame).lstrip("/")
-                times.append((stamp_of(content.header) or message.time) / 10**9)
-        except InputError as error:
-            faults.append(f"message {number} of {topic.name}: {error}")
-    if not times:
-        raise InputError(f"{topic.name} cannot be read" + (f": {faults[0]}" if faults else "; record it again"))
-    kept, first = np.unique(np.frombuffer(times), return_index=True)
-    return _Series(topic.name, kept, np.frombuffer(numbers).reshape(len(times), -1)[first], frame, child)
-
-
-def _R_enu(frame: str, down: bool = False) -> RigidTransform:
-    """The rotation to East, North, Up from a world frame."""
-    is_ned = down or frame.endswith("_ned")
-    return RigidTransform.from_rotation(_R_ENU_NED if is_ned else Rotation.identity())
 
 
 def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -110,25 +60,12 @@ def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
         topics = recording.of_kinds((IMU,))
         if not topics:
             raise InputError(f"it has no messages of type {IMU}")
-        series = _series(recording, max(topics, key=lambda topic: topic.count), [])  # the scans' reader tells of damage
+        series = series_of(recording, max(topics, key=lambda topic: topic.count), [])
         rates = series.numbers[:, 13:16]
         known = np.isfinite(rates).all(axis=1)
         if not known.any():
             raise InputError(f"none of its messages of type {IMU} can be read")
         return series.times[known], Frames(recording).T_base(series.frame).rotation.apply(rates[known])
-
-
-def up_in(recording: Recording, frame: str) -> np.ndarray:
-    """The direction (3,) of the mean specific force of an IMU in a frame, which points up; 0 if there is none."""
-    for topic in recording.of_kinds((IMU,)):
-        series = _series(recording, topic, [])
-        forces = series.numbers[:, 16:]
-        forces = forces[(np.abs(forces) < 10 * _GRAVITY).all(axis=1)]
-        if series.frame == frame and len(forces):
-            mean = forces.mean(axis=0)
-            if abs(np.linalg.norm(mean) - _GRAVITY) < _ACCELERATION:
-                return mean / np.linalg.norm(mean)
-    return np.zeros(3)
 
 
 def read_recorded_navigation(
@@ -148,30 +85,35 @@ def read_recorded_navigation(
         recording = open_recording(path)
         reader = _Reader(recording, settings, scans, found)
         parts = [reader.rows_of(each) for each in _chosen(recording, topic, path, sigmas is None)]
-        times, values, deviations = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        times, rows = np.unique(np.concatenate([part[0] for part in parts]), return_inverse=True)
+        values, deviations = np.full((2, len(times), 6), np.nan)
+        measured = np.concatenate([part[1] for part in parts]), np.concatenate([part[2] for part in parts])
+        row, column = np.nonzero(np.isfinite(measured[0]))  # a column is measured once at a time
+        values[rows[row], column], deviations[rows[row], column] = (each[row, column] for each in measured)
         if sigmas is not None:
             values[deviations >= _UNMEASURED] = np.nan
+            for pair in ([0, 1], [3, 4]):
+                values[np.ix_(np.isnan(values[:, pair]).any(axis=1), pair)] = np.nan
         bare = (np.isfinite(values) & np.isnan(deviations)).any(axis=0)
         missing = [name for name in np.array(COLUMNS)[bare].tolist() if sigmas is not None and name not in sigmas]
         if missing:
             raise InputError(f"{missing[0]} has no covariance in some messages; give {PRIOR_SIGMAS}")
     notes += [f"{path}: {note}" for note in dict.fromkeys(found)]
-    order = np.argsort(times, kind="stable")
-    keys, lines = tuple(f"{time:.3f}" for time in times[order].tolist()), np.arange(1, len(times) + 1)
-    return NavigationLog("stamp", lines, keys, times[order], values[order], deviations[order], reader.georeference)
+    keys, lines = tuple(f"{time:.3f}" for time in times.tolist()), np.arange(1, len(times) + 1)
+    return NavigationLog("stamp", lines, keys, times, values, deviations, reader.georeference)
 
 
 def _chosen(recording: Recording, name: str | None, path: Path, reckoned: bool) -> list[Topic]:
     """The topic called `name`; without one the topics of all kinds that measure the pose in the world, or, with
     `reckoned`, the only one of dead reckoning."""
-    topics, odometry = recording.of_kinds(_ABSOLUTE), recording.of_kinds((ODOMETRY,))
+    topics, odometry = recording.of_kinds(ABSOLUTE), recording.of_kinds((ODOMETRY,))
     if name is None and odometry and not (topics or reckoned):
         raise InputError(
             f"it has dead reckoning alone, which drifts: use --odometry {path}; if it is corrected, as by a fix, name "
             f"it, as in --priors {path}::{odometry[0].name}"
         )
     if name is not None or reckoned or not topics:
-        kinds = tuple(_FIELDS) if name is not None or not reckoned else (ODOMETRY,) if odometry else (POSE,)
+        kinds = tuple(FIELDS) if name is not None or not reckoned else (ODOMETRY,) if odometry else (POSE,)
         return [choose_topic(recording, name, kinds, path)]
     kinds = {topic.kind for topic in topics}
     if len(kinds) < len(topics) or (POSE in kinds and len(kinds) > 1):
@@ -196,12 +138,12 @@ class _Reader:
 
     def rows_of(self, topic: Topic) -> _Rows:
         faults: list[str] = []
-        series = _series(self._recording, topic, faults)
+        series = series_of(self._recording, topic, faults)
         self._notes += faults[:_NAMED]
         of_kind = {FIX: self._of_fixes, IMU: self._of_imu, PRESSURE: self._of_pressures}
         return of_kind.get(topic.kind, self._of_poses)(series)
 
-    def _kept(self, series: _Series, usable: np.ndarray, lacking: str) -> np.ndarray:
+    def _kept(self, series: Series, usable: np.ndarray, lacking: str) -> np.ndarray:
         """The indices of the usable messages; a note tells how many others lack something."""
         count = int((~usable).sum())
         if count == len(usable):
@@ -216,23 +158,25 @@ class _Reader:
         is_bare = np.array_equal(T.as_matrix(), np.eye(4))
         return RigidTransform.from_rotation(DOWN) if self._down and is_bare else T
 
-    def _of_poses(self, series: _Series) -> _Rows:
+    def _of_poses(self, series: Series) -> _Rows:
         kept = self._kept(series, are_rigid(series.numbers[:, :7]), "without a unit quaternion")
         covariances = series.numbers[kept, 7:43].reshape(-1, 6, 6)
-        T_base_child, R_enu = self._T_base(series.child), _R_enu(series.frame, self._down)
-        poses = R_enu * rigid(series.numbers[kept, :7], series.topic) * T_base_child.inv()
+        is_ned = self._down or series.frame.endswith("_ned")
+        R_enu, T_base_child = _R_ENU_NED if is_ned else Rotation.identity(), self._T_base(series.child)
+        T_world_child = rigid(series.numbers[kept, :7], series.topic)
+        poses = RigidTransform.from_rotation(R_enu) * T_world_child * T_base_child.inv()
         turned = partial(np.einsum, "ij,njk,ik->ni")  # variances of turned covariances
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # of SciPy: heading and roll are ambiguous at a pitch of 90 degrees
             values = values_of(poses)
-            R_base, R = T_base_child.rotation.as_matrix(), R_enu.rotation.as_matrix()
+            R_base, R = T_base_child.rotation.as_matrix(), R_enu.as_matrix()
             of_angles = turned(R_base, covariances[:, 3:, 3:], R_base)
             of_places = turned(R, covariances[:, :3, :3], R)
         if self._settings.declination is not None:
             values[:, 2] = (values[:, 2] + self._settings.declination) % 360
         return series.times[kept], values, np.hstack([np.degrees(_sigmas(of_angles)), _sigmas(of_places)])
 
-    def _of_imu(self, series: _Series) -> _Rows:
+    def _of_imu(self, series: Series) -> _Rows:
         """Rows of orientations, or of gravity at the scans' times if there are none."""
         poses = np.zeros((len(series.times), 43))
         poses[:, 3:7] = series.numbers[:, :4] * (series.numbers[:, 4:5] != -1)  # by REP-145, -1 if there is none
@@ -240,7 +184,7 @@ class _Reader:
         if not are_rigid(poses[:, :7]).any():
             return self._of_gravity(series)
         times, values, deviations = self._of_poses(
-            _Series(series.topic, series.times, poses, series.frame, series.child)
+            Series(series.topic, series.times, poses, series.frame, series.child)
         )
         if self._settings.declination is None:
             self._notes.append(
@@ -250,11 +194,11 @@ class _Reader:
         values[:, 3:] = np.nan
         return times, values, deviations
 
-    def _of_gravity(self, series: _Series) -> _Rows:
+    def _of_gravity(self, series: Series) -> _Rows:
         from sonarmap.tools.files.readers.sonar.recording import ImuSamples, attitude_at  # imports an HTTP client
 
         R_base, motion = self._T_base(series.child).rotation, series.numbers[:, 13:]
-        kept = self._kept(series, np.isfinite(motion).all(axis=1), "without an orientation and accelerations")
+        kept = self._kept(series, np.isfinite(np.abs(motion).max(axis=1)), "without an orientation and accelerations")
         times, rates, forces = series.times[kept], R_base.apply(motion[kept, :3]), R_base.apply(motion[kept, 3:])
         rows = list[tuple[float, np.ndarray, np.ndarray]]()
         for stamp in (self._scans if len(self._scans) else times[:: len(times) // 1000 + 1]).tolist():
@@ -268,7 +212,7 @@ class _Reader:
         values[:, 2:] = np.nan
         return stamps, values, deviations
 
-    def _of_fixes(self, series: _Series) -> _Rows:
+    def _of_fixes(self, series: Series) -> _Rows:
         longitude, latitude, status, known = series.numbers[:, :4].T
         usable = (status >= 0) & (np.abs(longitude) <= 180) & (np.abs(latitude) <= 90)
         kept = self._kept(series, usable, "without a fix")
@@ -279,14 +223,14 @@ class _Reader:
         values, self.georeference = local_places(values, True, self._settings, self._notes)
         return self._of_base(series.frame, series.times[kept], values, deviations)
 
-    def _of_pressures(self, series: _Series) -> _Rows:
+    def _of_pressures(self, series: Series) -> _Rows:
         pressures, variances = series.numbers.T
         low, high = _PRESSURES
         lacking = f"not between {low:,.0f} and {high:,.0f} Pa; wanted absolute pressures in pascal"
         kept = self._kept(series, (pressures >= low) & (pressures <= high), lacking)
         values, deviations = np.full((2, len(kept), 6), np.nan)
-        values[:, 5] = (pressures[kept] - _AIR) / (_SEA_WATER * _GRAVITY)
-        deviations[:, 5] = _sigmas(variances[kept]) / (_SEA_WATER * _GRAVITY)
+        values[:, 5] = (pressures[kept] - _AIR) / (_SEA_WATER * GRAVITY)
+        deviations[:, 5] = _sigmas(variances[kept]) / (_SEA_WATER * GRAVITY)
         self._notes.append(
             f"depths are the pressures of {series.topic} above {_AIR:,.0f} Pa in salt water of {_SEA_WATER:,.0f} kg/m3;"
             " in fresh water they are 2.5 % larger"
@@ -310,7 +254,7 @@ class _Reader:
         topics = self._recording.of_kinds((IMU,))
         if len(topics) != 1:
             return None
-        measured, values, _ = self._of_imu(_series(self._recording, topics[0], []))
+        measured, values, _ = self._of_imu(series_of(self._recording, topics[0], []))
         if len(measured) < 2 or np.isnan(values[:, 2]).any():
             return None
         rotations = poses_of(np.nan_to_num(values)).rotation

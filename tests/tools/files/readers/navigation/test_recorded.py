@@ -37,7 +37,7 @@ SCANS = scans_at(STAMP + 1.0, STAMP + 2.5)
 
 def priors(
     path: Path | str, settings: NavigationSettings = AS_IT_SAYS
-) -> tuple[list[PosePrior], Georeference, list[str]]:
+) -> tuple[list[PosePrior], Georeference | None, list[str]]:
     notes: list[str] = []
     navigated = navigate(SCANS, Path(path), settings, notes=notes)
     return [scan.prior for scan in navigated.scans if scan.prior is not None], navigated.georeference, notes
@@ -47,6 +47,7 @@ def priors(
 def test_fixes_orientations_and_pressures_are_given_back(tmp_path: Path, writer: str) -> None:
     """Written in East-North-Up and forward-left-up: with a heading from North, a pitch nose up, and a depth."""
     found, here, notes = priors(WRITERS[writer](tmp_path, instruments()))
+    assert here is not None
     assert (here.latitude, here.longitude) == (60.39131, 5.32212)
     for prior, rows in zip(found, (4, 10), strict=True):
         # 2 micro degrees from the rounded origin, and 1 for each row, of 0.1114 m each
@@ -146,6 +147,9 @@ def test_what_is_not_measured_has_a_huge_or_no_covariance(tmp_path: Path) -> Non
     turn = R_WORLD_BASE.as_quat().tolist()
     records = [("/imu", IMU, t, imu(t, turn, (1e-4, 1e-4, 99999))) for t in (STAMP + np.arange(5.0)).tolist()]
     assert not priors(write_mcap(tmp_path / "a.mcap", records))[0][0].knows_heading
+    records = [("/imu", IMU, t, imu(t, turn, (1e-4, 99999, 1e-4))) for t in (STAMP + np.arange(5.0)).tolist()]
+    prior = priors(write_mcap(tmp_path / "c.mcap", records))[0][0]
+    assert (prior.knows_attitude, prior.knows_heading) == (False, True)
     bare = write_mcap(tmp_path / "b.mcap", [("/imu", IMU, t, imu(t, turn)) for t in (STAMP + np.arange(5.0)).tolist()])
     refuses(r"b\.mcap: roll_deg has no covariance in some messages; give --prior-sigmas", priors, bare)
     prior = priors(bare, NavigationSettings(sigmas=SIGMAS))[0][0]
