@@ -2,8 +2,7 @@
 name (REP-103)."""
 
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,8 @@ from sonarmap.tools.files.readers.instruments import LARGEST
 
 DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
 # Rotations to x forward, y left, z up. Optical frames have x right, y down, z forward.
-_R_FLU = {
-    "flu": Rotation.identity(),
-    "frd": DOWN,
-    "rdf": Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),
-}
+_OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+_R_FLU = {"flu": Rotation.identity(), "frd": DOWN, "rdf": _OPTICAL}
 _AXES = {"_optical_frame": "rdf", "_optical": "rdf", "_frd": "frd", "_ned": "frd"}  # by suffix of a frame's name
 # Water Linked's driver of the Sonar 3D-15 publishes z down in this frame and topic, and a fork of it z up.
 _OPEN_FRAME, _OPEN_TOPIC = "sonar_frame", "sonar_point_cloud"
@@ -30,18 +26,6 @@ _ASKED = (
     "by others; say which: `frame=frd` or `frame=flu`"
 )
 _UPRIGHT = 0.7  # cosine of the angle between z and gravity from which z points up or down
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """A transform of tf_static."""
-
-    parent: str  # name of the parent frame
-    child: str  # name of the child frame
-    numbers: tuple[float, ...]  # T_parent_child as x, y, z [m] and the quaternion x, y, z, w
-
-    def T_parent_child(self) -> RigidTransform:
-        return rigid(np.array([self.numbers]), f"the transform {self.parent} to {self.child}")[0]
 
 
 def numbers_of(place: Any, turn: Any) -> tuple[float, ...]:
@@ -65,28 +49,9 @@ def rigid(numbers: np.ndarray, what: str) -> RigidTransform:
     return RigidTransform.from_components(numbers[:, :3], Rotation.from_quat(numbers[:, 3:]))
 
 
-def links(recording: Recording, faults: list[str]) -> Iterator[Link]:
-    """Yield all transforms of the topics called tf_static, in any namespace."""
-    names = [topic.name for topic in recording.of_kinds((TRANSFORMS,)) if topic.name.split("/")[-1] == "tf_static"]
-    for message in recording.messages(names, faults) if names else ():
-        try:
-            with refused("its transforms contradict each other"):
-                for stamped in decode(message).transforms:
-                    parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
-                    numbers = numbers_of(stamped.transform.translation, stamped.transform.rotation)
-                    yield Link(parent, child, numbers)
-        except InputError as error:
-            faults.append(f"{message.topic}: {error}")
-
-
 def is_named(frame: str, name: str) -> bool:
     """Whether a frame has this name, in any namespace: rov/base_link is base_link."""
     return frame.split("/")[-1] == name
-
-
-def _suffix_of(frame: str) -> str:
-    """The suffix of a frame's name that tells its axes; "" for other names."""
-    return next((suffix for suffix in _AXES if frame.endswith(suffix)), "")
 
 
 class Frames:
@@ -95,30 +60,43 @@ class Frames:
 
     def __init__(self, recording: Recording) -> None:
         self.notes: list[str] = []
-        self._links = {(link.child, link.parent): link for link in links(recording, self.notes)}
-        self._known: dict[str, tuple[str, RigidTransform]] = {}
         self._recording = recording
-        self._by_gravity: dict[str, str] = {}
+        self._known: dict[tuple[str, str], tuple[str, RigidTransform]] = {}
+        # {frame: {neighbor: (parent, child, numbers (7,) of T_parent_child)}}
+        self._neighbors: dict[str, dict[str, tuple[str, str, tuple[float, ...]]]] = {}
+        self._read_links()
+
+    def _read_links(self) -> None:
+        """Read all transforms of the topics called tf_static, in any namespace."""
+        names = [topic.name for topic in self._recording.of_kinds((TRANSFORMS,)) if is_named(topic.name, "tf_static")]
+        for message in self._recording.messages(names, self.notes) if names else ():
+            try:
+                with refused("its transforms contradict each other"):
+                    for stamped in decode(message).transforms:
+                        parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
+                        numbers = numbers_of(stamped.transform.translation, stamped.transform.rotation)
+                        for here, there in ((parent, child), (child, parent)):
+                            self._neighbors.setdefault(here, {})[there] = parent, child, numbers
+            except InputError as error:
+                self.notes.append(f"{message.topic}: {error}")
 
     def T_base(self, frame: str) -> RigidTransform:
         """T_base_frame to base_link if tf_static has it, otherwise the rotation to x forward, y left, z up."""
         axes, T_base_flu = self._axes_and_mount(frame)
-        return T_base_flu * RigidTransform.from_rotation(_R_FLU[axes])
+        return T_base_flu * RigidTransform.from_rotation(_R_FLU[axes or "flu"])
 
     def placed(self, cloud: Cloud, frame: str, topic: str) -> Cloud:
         """The cloud with its axes, and its place in base_link if tf_static has it."""
-        axes, T_base_flu = self._axes_and_mount(frame)
-        is_open = is_named(frame, _OPEN_FRAME) or (is_named(topic, _OPEN_TOPIC) and not _suffix_of(frame))
-        if is_open and not self._by_tf(frame)[0]:
-            axes = self._axes_by_gravity(frame)
+        axes, T_base_flu = self._axes_and_mount(frame, topic)
         question = "" if axes else _ASKED.format(frame)
         return replace(cloud, axes=axes or "flu", question=question, T_base_flu=T_base_flu)
 
-    def _axes_and_mount(self, frame: str) -> tuple[str, RigidTransform]:
-        """The axes of a frame by its name, a key of _R_FLU, and T_base_flu."""
-        if frame in self._known:
-            return self._known[frame]
-        (base, T), suffix = self._by_tf(frame), _suffix_of(frame)
+    def _axes_and_mount(self, frame: str, topic: str = "") -> tuple[str, RigidTransform]:
+        """The axes of a frame, a key of _R_FLU, or "" if they are not known; and T_base_flu."""
+        if (frame, topic) in self._known:
+            return self._known[frame, topic]
+        base, T = self._by_tf(frame)
+        suffix = next((suffix for suffix in _AXES if frame.endswith(suffix)), "")
         axes = _AXES.get(suffix, "flu")
         if base and base != frame:
             yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
@@ -128,33 +106,26 @@ class Frames:
             T = T * RigidTransform.from_rotation(_R_FLU[axes].inv())
         elif suffix:
             self.notes.append(f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says")
-        self._known[frame] = axes, T
-        return axes, T
-
-    def _axes_by_gravity(self, frame: str) -> str:
-        """The axes of a frame, "flu" or "frd", by an IMU in it; "" if there is none, or z is not near the vertical."""
-        if frame not in self._by_gravity:
+        elif not base and (is_named(frame, _OPEN_FRAME) or is_named(topic, _OPEN_TOPIC)):
             up = float(up_in(self._recording, frame)[2])
-            self._by_gravity[frame] = "" if abs(up) < _UPRIGHT else "flu" if up > 0 else "frd"
-            if abs(up) >= _UPRIGHT:
+            axes = "" if abs(up) < _UPRIGHT else "flu" if up > 0 else "frd"
+            if axes:
                 side = "up" if up > 0 else "down"
                 self.notes.append(f"points in {frame} have z {side}, as the gravity shows that its IMU measured")
-        return self._by_gravity[frame]
+        self._known[frame, topic] = axes, T
+        return axes, T
 
     def _by_tf(self, frame: str) -> tuple[str, RigidTransform]:
         """The nearest frame called base_link, and T_base_frame; "" and the identity if there is none."""
-        neighbors: dict[str, list[tuple[str, Link, bool]]] = {}
-        for link in self._links.values():
-            neighbors.setdefault(link.child, []).append((link.parent, link, True))
-            neighbors.setdefault(link.parent, []).append((link.child, link, False))
         waiting, seen = deque([(frame, RigidTransform.identity())]), {frame}
         while waiting:
             here, T_here_frame = waiting.popleft()
             if is_named(here, BASE):
                 return here, T_here_frame
-            for there, link, up in neighbors.get(here, []):
+            for there, (parent, child, numbers) in self._neighbors.get(here, {}).items():
                 if there not in seen:
                     seen.add(there)
-                    T_there_here = link.T_parent_child() if up else link.T_parent_child().inv()
+                    T_parent_child = rigid(np.array([numbers]), f"the transform {parent} to {child}")[0]
+                    T_there_here = T_parent_child if there == parent else T_parent_child.inv()
                     waiting.append((there, T_there_here * T_here_frame))
         return "", RigidTransform.identity()

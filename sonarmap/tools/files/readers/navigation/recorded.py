@@ -133,7 +133,6 @@ class _Reader:
     def __init__(self, recording: Recording, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> None:
         self._recording, self._settings, self._scans, self._notes = recording, settings, scans, notes
         self._frames = Frames(recording)
-        self._down = settings.frame in DOWN_FRAMES
         self.georeference: Georeference | None = None
 
     def rows_of(self, topic: Topic) -> _Rows:
@@ -152,17 +151,15 @@ class _Reader:
             self._notes.append(f"{count:,} of {len(usable):,} messages of {series.topic} are left out: {lacking}")
         return np.flatnonzero(usable)
 
-    def _T_base(self, frame: str) -> RigidTransform:
-        """T_base_frame, of a frame with z down if --nav-frame says so and tf_static has it not."""
-        T = self._frames.T_base(frame)
-        is_bare = np.array_equal(T.as_matrix(), np.eye(4))
-        return RigidTransform.from_rotation(DOWN) if self._down and is_bare else T
-
-    def _of_poses(self, series: Series) -> _Rows:
+    def _of_poses(self, series: Series, down: bool = False) -> _Rows:
+        """Rows of poses. `down`: whether the world is North-East-Down, and a frame that tf_static lacks has z down."""
+        down = down or self._settings.frame in DOWN_FRAMES
         kept = self._kept(series, are_rigid(series.numbers[:, :7]), "without a unit quaternion")
         covariances = series.numbers[kept, 7:43].reshape(-1, 6, 6)
-        is_ned = self._down or series.frame.endswith("_ned")
-        R_enu, T_base_child = _R_ENU_NED if is_ned else Rotation.identity(), self._T_base(series.child)
+        T_base_child = self._frames.T_base(series.child)
+        if down and np.array_equal(T_base_child.as_matrix(), np.eye(4)):
+            T_base_child = RigidTransform.from_rotation(DOWN)
+        R_enu = _R_ENU_NED if down or series.frame.endswith("_ned") else Rotation.identity()
         T_world_child = rigid(series.numbers[kept, :7], series.topic)
         poses = RigidTransform.from_rotation(R_enu) * T_world_child * T_base_child.inv()
         turned = partial(np.einsum, "ij,njk,ik->ni")  # variances of turned covariances
@@ -181,11 +178,15 @@ class _Reader:
         poses = np.zeros((len(series.times), 43))
         poses[:, 3:7] = series.numbers[:, :4] * (series.numbers[:, 4:5] != -1)  # by REP-145, -1 if there is none
         poses[:, 7:].reshape(-1, 6, 6)[:, 3:, 3:] = series.numbers[:, 4:13].reshape(-1, 3, 3)
-        if not are_rigid(poses[:, :7]).any():
+        known = are_rigid(poses[:, :7])
+        if not known.any():
             return self._of_gravity(series)
-        times, values, deviations = self._of_poses(
-            Series(series.topic, series.times, poses, series.frame, series.child)
-        )
+        forces = np.clip(np.nan_to_num(series.numbers[known, 16:]), -10 * GRAVITY, 10 * GRAVITY)
+        down = bool(Rotation.from_quat(poses[known, 3:7]).apply(forces).mean(axis=0)[2] < -GRAVITY / 2)
+        if down:
+            self._notes.append(f"the world of {series.topic} is North-East-Down, as its accelerations show")
+        oriented = Series(series.topic, series.times, poses, series.frame, series.child)
+        times, values, deviations = self._of_poses(oriented, down)
         if self._settings.declination is None:
             self._notes.append(
                 f"the headings of {series.topic} are taken as from true North; if its compass is magnetic, give "
@@ -197,7 +198,7 @@ class _Reader:
     def _of_gravity(self, series: Series) -> _Rows:
         from sonarmap.tools.files.readers.sonar.recording import ImuSamples, attitude_at  # imports an HTTP client
 
-        R_base, motion = self._T_base(series.child).rotation, series.numbers[:, 13:]
+        R_base, motion = self._frames.T_base(series.child).rotation, series.numbers[:, 13:]
         kept = self._kept(series, np.isfinite(np.abs(motion).max(axis=1)), "without an orientation and accelerations")
         times, rates, forces = series.times[kept], R_base.apply(motion[kept, :3]), R_base.apply(motion[kept, 3:])
         rows = list[tuple[float, np.ndarray, np.ndarray]]()

@@ -27,7 +27,7 @@ from tests.samples.bags.messages import (
     pressure,
     transforms,
 )
-from tests.samples.bags.samples import DEPTH, HEADING, PITCH, R_WORLD_BASE, ROLL, instruments
+from tests.samples.bags.samples import DEPTH, HEADING, PITCH, R_WORLD_BASE, ROLL, VARIANCES, instruments
 from tests.samples.bags.writers import WRITERS, write_mcap, write_ros1
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import SIGMAS, scans_at
@@ -116,6 +116,19 @@ def test_north_east_down_is_told_by_the_frame_or_the_option(tmp_path: Path, name
     prior = priors(write_mcap(tmp_path / "a.mcap", records), settings)[0][0]
     expected = [ROLL, PITCH, HEADING + (0 if named else 2)]
     np.testing.assert_allclose(values_of(prior.T_world_sensor)[:3], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("frame", ["imu_link", "sonar_frame"])
+def test_an_imu_in_north_east_down_is_told_by_gravity(tmp_path: Path, frame: str) -> None:
+    """Forward, right, down in North-East-Down, under a name that does not say so."""
+    turn = Rotation.from_euler("ZYX", [HEADING, PITCH, ROLL], degrees=True)
+    force = turn.inv().apply([0, 0, -9.8]).tolist()
+    times = (STAMP + np.arange(5.0)).tolist()
+    records = [("/imu", IMU, t, imu(t, turn.as_quat().tolist(), VARIANCES, force, frame)) for t in times]
+    found, _, notes = priors(write_mcap(tmp_path / "a.mcap", records))
+    np.testing.assert_allclose(values_of(found[0].T_world_sensor)[:3], [ROLL, PITCH, HEADING], atol=1e-6)
+    np.testing.assert_allclose(sigmas_of(found[0])[:3], [0.5, 0.75, 3.0], rtol=1e-6)
+    assert any("the world of /imu is North-East-Down, as its accelerations show" in note for note in notes)
 
 
 def test_gravity_gives_roll_and_pitch_without_an_orientation(tmp_path: Path) -> None:
