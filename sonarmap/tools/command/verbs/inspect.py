@@ -67,7 +67,7 @@ def command(
     else:
         print_overview(overview)
         for note in overview.notes:
-            say(note)
+            say(as_options(note))
     for reason in overview.unread:
         warn(f"cannot be read: {as_options(reason)}")
     if overview.unread:

@@ -7,7 +7,8 @@ moved to base_link if tf_static has its mounting.
 
 import warnings
 from collections.abc import Mapping
-from functools import partial
+from contextlib import suppress
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -92,8 +93,7 @@ def read_recorded_navigation(
         values[rows[row], column], deviations[rows[row], column] = (each[row, column] for each in measured)
         if sigmas is not None:
             values[deviations >= _UNMEASURED] = np.nan
-            for pair in ([0, 1], [3, 4]):
-                values[np.ix_(np.isnan(values[:, pair]).any(axis=1), pair)] = np.nan
+            values += 0 * values[:, [1, 0, 2, 4, 3, 5]]  # roll counts with pitch alone, and East with North
         bare = (np.isfinite(values) & np.isnan(deviations)).any(axis=0)
         missing = [name for name in np.array(COLUMNS)[bare].tolist() if sigmas is not None and name not in sigmas]
         if missing:
@@ -250,16 +250,24 @@ class _Reader:
         values[:, 3:] -= moved * [1.0, 1.0, -1.0]
         return times, values, deviations
 
-    def _attitude(self, times: np.ndarray) -> Rotation | None:
-        """The vehicle's attitude by the only IMU; None if there is none."""
+    @cached_property
+    def _oriented(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Times and values of the only IMU, if it has headings."""
         topics = self._recording.of_kinds((IMU,))
         if len(topics) != 1:
             return None
-        measured, values, _ = self._of_imu(series_of(self._recording, topics[0], []))
-        if len(measured) < 2 or np.isnan(values[:, 2]).any():
+        with suppress(InputError):  # it has no orientation
+            times, values, _ = self._of_imu(series_of(self._recording, topics[0], []))
+            if len(times) > 1 and not np.isnan(values[:, 2]).any():
+                return times, values
+        return None
+
+    def _attitude(self, times: np.ndarray) -> Rotation | None:
+        """The vehicle's attitude; None if it is not known."""
+        if self._oriented is None:
             return None
-        rotations = poses_of(np.nan_to_num(values)).rotation
-        return Slerp(measured, rotations)(np.clip(times, measured[0], measured[-1]))
+        measured, values = self._oriented
+        return Slerp(measured, poses_of(np.nan_to_num(values)).rotation)(np.clip(times, measured[0], measured[-1]))
 
 
 def _sigmas(variances: np.ndarray) -> np.ndarray:
