@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 import atexit
-import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from threading import Lock
@@ -50,7 +50,6 @@ _ADJUSTED = 1_000_000_000  # GPS time minus adjusted standard GPS time [s]
 _DAMAGED = "the file is cut or damaged; copy it again"
 Read = Callable[[bytes], list[Cloud]]
 
-_ARRAYS = ("points", "strength", "viewpoints", "times")  # array attributes of a cloud
 _SECONDS, _BYTES_PER_SECOND = 30, 100_000  # processor time: 30 s + 1 s per 100 kB, ten times what slow computers need
 _MEMORY, _MEMORY_PER_BYTE = 512 << 20, 200  # memory for a file, and per byte of it [bytes]
 _END_TIMEOUT = 10.0  # time that a process may take to end after it closed its output [s]
@@ -170,23 +169,22 @@ def crs_of(content: bytes) -> CRS | None:
 
 
 def read_apart(read: Read, content: bytes) -> list[Cloud]:
-    """Run `read(content)` in a separate process, so that a crash cannot end this one. `read`: a module-level function;
-    priors of its clouds are not returned."""
+    """Run `read(content)`, a module-level function, in a separate process, so that a crash cannot end this one."""
     with _lock:
         process = _process()
         seconds, room = _SECONDS + len(content) // _BYTES_PER_SECOND, _MEMORY + _MEMORY_PER_BYTE * len(content)
         try:
-            _send(process.stdin, [json.dumps([read.__module__, read.__name__, seconds, room]).encode(), content])
-            head = json.loads(_receive(process.stdout))
-            if "refused" not in head:
-                return [_cloud_of(cloud, process.stdout) for cloud in head["clouds"]]
-        except (OSError, EOFError):
+            _send(process.stdin, (read.__module__, read.__name__, seconds, room, content))
+            answer = _receive(process.stdout)
+        except (OSError, EOFError, pickle.UnpicklingError):
             end = _end(_END_TIMEOUT)
             raise InputError(f"its library ended with {end}: the file is cut or damaged; copy it again") from None
         except BaseException:  # after Ctrl-C an answer may remain in the pipe
             _end()
             raise
-    raise InputError(head["refused"])
+    if isinstance(answer, str):
+        raise InputError(answer)
+    return answer
 
 
 def main(_: Sequence[str]) -> None:
@@ -196,37 +194,19 @@ def main(_: Sequence[str]) -> None:
     os.dup2(2, 1)  # keep what libraries print out of the answers
     with suppress(EOFError):
         while True:
-            module, name, seconds, room = json.loads(_receive(sys.stdin.buffer))
-            content = _receive(sys.stdin.buffer)
+            module, name, seconds, room, content = _receive(sys.stdin.buffer)
             _bound(seconds, room)
             _send(answers, _answer(getattr(import_module(module), name), content))
 
 
-def _answer(read: Read, content: bytes) -> Iterable[bytes | memoryview]:
+def _answer(read: Read, content: bytes) -> list[Cloud] | str:
+    """The clouds, or why they cannot be read."""
     try:
-        clouds = read(content)
+        return read(content)
     except InputError as error:
-        return [json.dumps({"refused": str(error)}).encode()]
+        return str(error)
     except MemoryError:
-        return [json.dumps({"refused": "it takes more memory than is available; thin its points out first"}).encode()]
-    heads: list[dict[str, Any]] = []
-    arrays: list[np.ndarray] = []
-    for cloud in clouds:
-        held = {name: np.ascontiguousarray(array) for name in _ARRAYS if (array := getattr(cloud, name)) is not None}
-        forms = {name: (array.dtype.str, array.shape) for name, array in held.items()}
-        heads.append({"arrays": forms, "stamp": cloud.stamp, "notes": cloud.notes, "sound_speed": cloud.sound_speed})
-        arrays += held.values()
-    return [json.dumps({"clouds": heads}).encode(), *(array.data.cast("B") for array in arrays if array.size)]
-
-
-def _cloud_of(head: dict[str, Any], stream: IO[bytes] | None) -> Cloud:
-    arrays: dict[str, np.ndarray] = {}
-    for name, (dtype, shape) in head["arrays"].items():
-        content = _receive(stream) if np.prod(shape) else b""
-        arrays[name] = np.frombuffer(content, dtype).reshape(shape)
-    cloud = Cloud(arrays["points"], stamp=head["stamp"], notes=tuple(head["notes"]), sound_speed=head["sound_speed"])
-    # pyrefly: ignore[bad-argument-type]
-    return replace(cloud, **arrays)
+        return "it takes more memory than is available; thin its points out first"
 
 
 def _bound(seconds: int, room: int) -> None:
@@ -244,21 +224,14 @@ def _bound(seconds: int, room: int) -> None:
         resource.setrlimit(kind, (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))
 
 
-def _send(stream: IO[bytes] | None, parts: Iterable[bytes | memoryview]) -> None:
+def _send(stream: IO[bytes] | None, message: object) -> None:
     out = cast(IO[bytes], stream)
-    for part in parts:
-        out.write(len(part).to_bytes(8, "little"))
-        out.write(part)
+    pickle.dump(message, out, pickle.HIGHEST_PROTOCOL)
     out.flush()
 
 
-def _receive(stream: IO[bytes] | None) -> bytes:
-    source = cast(IO[bytes], stream)
-    length = source.read(8)
-    content = source.read(int.from_bytes(length, "little"))
-    if len(length) < 8 or len(content) < int.from_bytes(length, "little"):
-        raise EOFError
-    return content
+def _receive(stream: IO[bytes] | None) -> Any:
+    return pickle.load(cast(IO[bytes], stream))
 
 
 def _process() -> subprocess.Popen[bytes]:
