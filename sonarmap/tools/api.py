@@ -357,7 +357,10 @@ def read_scans(
     sound_speed: float | None = None,
     range_scale: float = 1.0,
     frame: str | None = None,
-    units: str = "m",
+    units: str | None = None,
+    min_range: float = 0.05,
+    max_range: float | None = None,
+    exclude_box: Sequence[Sequence[float]] = (),
 ) -> list[Scan]:
     """Read every scan of files, folders and patterns, in natural order of their names, as `sonarmap map` does.
 
@@ -369,7 +372,12 @@ def read_scans(
         range_scale: another factor on the ranges, for files of any format.
         frame: axes of the points in the files, as in `--frame`: "flu", "frd", "rdf" or "ned"; None for
             what the file says, as by the name of a frame, and "flu" for others.
-        units: unit of the points in the files, as in `--units`: "m", "cm", "mm", "ft" or "us-ft".
+        units: unit of the points in the files, as in `--units`: "m", "cm", "mm", "ft" or "us-ft"; None for meters,
+            if the points look like these.
+        min_range: points at this distance from the sensor or nearer are left out [m], as no returns.
+        max_range: points farther from the sensor are left out [m]; None for no limit.
+        exclude_box: boxes whose points are left out, as of a skid; each is x, y, z of two corners in the sensor's frame
+            [m].
 
     Returns:
         Scans with points in meters: x forward, y left, z up, or East, North, up with frame "ned".
@@ -378,11 +386,13 @@ def read_scans(
         InputError: a file cannot be read (the message names its line or packet, if it has one); or an argument cannot
             be used, in general or with a file's format.
     """
+    from sonarmap.tools.files.readers.clouds.cloud import Bounds
     from sonarmap.tools.files.readers.scans import Corrections, PointFrame
     from sonarmap.tools.files.readers.scans import read_scans as read
 
     names = as_paths("paths", paths)
-    corrections = Corrections(sound_speed, range_scale, PointFrame(frame, units))
+    bounds = Bounds.of(min_range, max_range, exclude_box)
+    corrections = Corrections(sound_speed, range_scale, PointFrame(frame, units), bounds=bounds)
     return list(read(names, corrections).scans)
 
 

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 from sonarmap.kernels.device.cache import LOGGER
 from sonarmap.kernels.errors import InputError, path_error
 from sonarmap.spectral.scan import PosePrior, Scan, refuse_mask
-from sonarmap.tools.files.readers.clouds.cloud import Cloud, looks_like, refuse_map_coordinates, scan_of_cloud
+from sonarmap.tools.files.readers.clouds.cloud import (
+    Cloud,
+    refuse_map_coordinates,
+    refuse_other_unit,
+    scan_of_cloud,
+)
 from sonarmap.tools.files.user_file import naming
 
 ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]  # or a point cloud of Open3D
@@ -27,7 +32,6 @@ _TEXT, _NONE, _PATHS = (str,), (type(None),), (str, os.PathLike)
 _PLAIN: dict[Any, Callable[[Any], object]] = {Integral: int, Real: float, bool: bool}  # kind -> type of Python
 _MAX_INTEGER = 2**63 - 1
 _MAX_COLUMNS = 32  # an array of three rows and more columns is taken to be transposed
-_MAX_MEDIAN = 2000.0  # largest median coordinate of points in meters [m]: 3D sonars see a few hundred meters at most
 _OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)")
 # Option -> argument of the same meaning, where the names differ.
 _ARGUMENT_OF = {
@@ -63,8 +67,11 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "points": (_TEXT, "'map' or 'all'"),
     "sound_speed": ((Real, *_NONE), "a speed in m/s, such as 1497, or None"),
     "range_scale": ((Real,), "a factor, such as 1.02"),
+    "min_range": ((Real,), "a length in meters, such as 0.05"),
+    "max_range": ((Real, *_NONE), _LENGTH),
+    "exclude_box": ((Sequence,), "a list of boxes, each x, y, z of two corners in meters"),
     "frame": (_TEXT + _NONE, "the name of axes, such as 'frd'"),
-    "units": (_TEXT, "'m', 'cm', 'mm', 'ft' or 'us-ft'"),
+    "units": (_TEXT + _NONE, "'m', 'cm', 'mm', 'ft' or 'us-ft', or None"),
 }
 
 
@@ -248,10 +255,8 @@ def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
         usable, notes = scan_of_cloud(Cloud(_points(scan, name)), name, stamp)
     for note in notes:
         LOGGER.warning(f"{name}: {note}")
-    if (far := float(np.median(np.abs(usable.points).max(axis=1)))) > _MAX_MEDIAN:
-        raise InputError(
-            f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(usable.points)}, or give a `Scan`"
-        )
+    with naming(name, ", or give a `Scan`"):
+        refuse_other_unit(usable.points)
     return usable
 
 

@@ -162,7 +162,17 @@ class PointReading:
         "Unit of the points in the files: m, cm, mm, ft or us-ft.",
         shown="m",
     )
-
+    min_range: float | None = INPUT.option(
+        "M", "Leave out points at this distance from the sensor or nearer \\[m]: no returns.", shown="0.05", min=0
+    )
+    max_range: float | None = INPUT.option("M", "Leave out points farther from the sensor than this \\[m].")
+    exclude_box: list[str] = INPUT.option(
+        "BOX",
+        "Leave out points in a box in the sensor's frame, such as of a skid: two corners \\[m; forward, left, up], as "
+        "in 0.7,-0.4,-0.3,1.2,0.4,0.1. It can be given several times.",
+        [],
+        shown="none",
+    )
     patch: float | None = INPUT.option(
         "M",
         "Length of the patches into which lines of an echo sounder are cut \\[m].",
@@ -189,14 +199,16 @@ class PointReading:
         """Corrections of points when files are read."""
         from sonarmap.slam.pings.biases import Biases
         from sonarmap.tools.files.geo import DEFAULT_VERTICAL
+        from sonarmap.tools.files.readers.clouds.cloud import Bounds
         from sonarmap.tools.files.readers.pings.line_file import LineReading
         from sonarmap.tools.files.readers.scans import Corrections, PointFrame
 
         scale = 1.0 if self.range_scale is None else self.range_scale
-        frame = PointFrame(self.frame, "m" if self.units is None else self.units)
+        frame = PointFrame(self.frame, self.units)
         heights = DEFAULT_VERTICAL if self.heights is None else self.heights
         lines = LineReading(self.patch, Biases(), self.draught or 0.0, bool(self.all_soundings), heights)
-        return Corrections(self.sound_speed, scale, frame, lines)
+        bounds = Bounds.of(self.min_range, self.max_range, self.exclude_box)
+        return Corrections(self.sound_speed, scale, frame, lines, bounds)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ from sonarmap.slam.pings.biases import Biases
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo import DEFAULT_VERTICAL, Georeference
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, as_written, require_own
+from sonarmap.tools.files.readers.clouds.cloud import Bounds
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.files.readers.csv_table import SUMMARY
 from sonarmap.tools.files.readers.instruments import LARGEST
@@ -286,7 +287,7 @@ def mapped_scans(
 def _corrections(settings: dict[str, Any]) -> Corrections:
     """The corrections of points that the map's settings describe."""
     biases = Biases.of_json(settings["patch_test"]) if "patch_test" in settings else Biases()
-    frame = PointFrame(settings.get("frame"), settings.get("units", "m"))
+    frame = PointFrame(settings.get("frame"), settings.get("units"))
     lines = LineReading(
         settings.get("patch"),
         biases,
@@ -294,7 +295,11 @@ def _corrections(settings: dict[str, Any]) -> Corrections:
         settings.get("all_soundings") or False,
         settings.get("heights", DEFAULT_VERTICAL),
     )
-    return Corrections(settings.get("sound_speed"), settings.get("range_scale", 1.0), frame, lines)
+    boxes = settings.get("exclude_box", [])
+    bounds = Bounds.of(
+        settings.get("min_range"), settings.get("max_range"), [boxes] if isinstance(boxes, str) else boxes
+    )
+    return Corrections(settings.get("sound_speed"), settings.get("range_scale", 1.0), frame, lines, bounds)
 
 
 def _require_same(folder: Map, read: ReadScans) -> None:

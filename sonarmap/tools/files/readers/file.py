@@ -66,9 +66,7 @@ FORMATS = {
     ".mcap": _recording("an MCAP file", rb"\x89MCAP0\r\n"),
     ".db3": _recording("an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00"),
     **{suffix: Format(each.kind, each.start, is_line=True, has_axes=True) for suffix, each in LINES.items()},
-    ".xyz": _TEXT,
-    ".txt": _TEXT,
-    ".csv": _TEXT,
+    **dict.fromkeys((".xyz", ".txt", ".csv", ".pts", ".asc"), _TEXT),
 }
 
 

@@ -12,7 +12,6 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.clouds import CLOUD_KINDS, stream_recording
 from sonarmap.tools.files.readers.bags.open import open_recording
-from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
 from sonarmap.tools.files.readers.scans import FORMATS, Corrections, read_survey
 from sonarmap.tools.files.readers.selection import is_bag_folder, natural_key, select_files
 from sonarmap.tools.files.readers.sonar.recording import Recording
@@ -135,7 +134,7 @@ def _of_mcap(path: Path, corrections: Corrections, more: Callable[[], bool], aft
         if question := corrections.question(cloud):
             raise InputError(f"{path}: {question}")
         try:
-            scan, _ = scan_of_cloud(corrections.corrected(cloud), f"{path.stem}#{number}", 0.0)
+            scan, _ = corrections.scan(cloud, f"{path.stem}#{number}")
         except InputError:  # an unusable message
             continue
         stamp = float(number) if cloud.stamp is None else cloud.stamp
@@ -158,7 +157,7 @@ def _of_recording(path: Path, corrections: Corrections, more: Callable[[], bool]
             continue
         latest = shot.place
         try:
-            scan, _ = scan_of_cloud(corrections.corrected(recording.cloud(shot)), f"{name}#{number}", 0.0)
+            scan, _ = corrections.scan(recording.cloud(shot), f"{name}#{number}")
         except InputError:  # without an echo
             continue
         stamp = float(number) if shot.frame.stamp is None else shot.frame.stamp

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,7 +12,15 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.clouds import moved
-from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch, scan_of_cloud
+from sonarmap.tools.files.readers.clouds.cloud import (
+    RETURNS,
+    Bounds,
+    Cloud,
+    Note,
+    PingPatch,
+    refuse_other_unit,
+    scan_of_cloud,
+)
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
 from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading
 from sonarmap.tools.files.readers.selection import Selection, select_files
@@ -41,7 +49,7 @@ class PointFrame:
     # a name of FRAMES; None for those that the file tells, otherwise flu. The points of "ned" become East-North-Up, of
     # the others forward-left-up.
     axes: str | None = None
-    unit: str = "m"  # a name of UNITS
+    unit: str | None = None  # a name of UNITS; None for meters that nobody named
 
     def __post_init__(self) -> None:
         for given, known in ((self.axes, FRAMES), (self.unit, UNITS)):
@@ -51,7 +59,7 @@ class PointFrame:
     def turned(self, cloud: Cloud) -> Cloud:
         """The cloud with points and viewpoints in meters, x forward, y left, z up."""
         axes = self.axes or cloud.axes
-        if axes != "flu" or self.unit != "m":
+        if axes != "flu" or self.unit not in (None, "m"):
             viewpoints = None if cloud.viewpoints is None else self._turned(cloud.viewpoints, axes)
             cloud = replace(cloud, points=self._turned(cloud.points, axes), viewpoints=viewpoints)
         return cloud if cloud.T_base_flu is None else moved(cloud, cloud.T_base_flu)
@@ -61,7 +69,7 @@ class PointFrame:
         with np.errstate(invalid="ignore", over="ignore"):  # points that are not finite are dropped later
             # columns are permuted, as a matrix product would spread NaN over the other axes
             columns = points[:, np.abs(R_flu_file).argmax(axis=1)].astype(np.float64)
-            return columns * (R_flu_file.sum(axis=1) * UNITS[self.unit])
+            return columns * (R_flu_file.sum(axis=1) * UNITS[self.unit or "m"])
 
 
 AS_THE_FILE_SAYS = PointFrame()
@@ -76,6 +84,7 @@ class Corrections:
     scale: float = 1.0  # further factor on ranges, for any format
     frame: PointFrame = AS_THE_FILE_SAYS  # axes and unit of the points in files
     lines: LineReading = AS_LINES  # how lines of pings are divided into scans
+    bounds: Bounds = RETURNS  # which points are used, in the corrected frame and unit
 
     def __post_init__(self) -> None:
         low, high = SOUND_SPEEDS
@@ -102,6 +111,13 @@ class Corrections:
         if cloud.viewpoints is None:
             return replace(cloud, points=factor * cloud.points)
         return replace(cloud, points=cloud.viewpoints + factor * (cloud.points - cloud.viewpoints))
+
+    def scan(self, cloud: Cloud, name: str) -> tuple[Scan, list[Note]]:
+        """The corrected scan of a cloud within the bounds, with the stamp 0, and notes about its points."""
+        scan, notes = scan_of_cloud(self.corrected(cloud), name, 0.0, self.bounds)
+        if self.frame.unit is None and cloud.patch is None:
+            refuse_other_unit(scan.points)
+        return scan, notes
 
 
 AS_RECORDED = Corrections()
@@ -195,7 +211,7 @@ class ScanEntry:
     scan: Scan | None = None  # the scan without its final stamp; None if it could not be read
     stamp: float | None = None  # time in the file [s, UTC], or None
     is_cloud: bool = False  # whether it is a cloud in a file, usable or not, rather than an unreadable file
-    notes: tuple[str, ...] = ()  # messages about its points
+    notes: tuple[Note, ...] = ()  # about its points
     reason: str = ""  # why it could not be read
     sound_speed: float | None = None  # recorded speed of sound [m/s], or None
     patch: PingPatch | None = None  # the pings it is made of, or None
@@ -250,7 +266,7 @@ def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:
     path, where, name, cloud = named.path, named.where, named.name, named.cloud
     question = corrections.question(cloud)
     try:
-        scan, notes = scan_of_cloud(corrections.corrected(cloud), name, 0.0)
+        scan, notes = corrections.scan(cloud, name)
     except InputError as error:
         return ScanEntry(path, where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
     return ScanEntry(
@@ -273,7 +289,6 @@ def _all_of(
     """The result of entries and their stamps."""
     scans: list[Scan] = []
     unread: list[Unread] = []
-    labels: dict[str, list[str]] = {}
     folders: dict[Path, int] = {}
     surveys: list[int] = []
     patches: dict[int, PingPatch] = {}
@@ -286,13 +301,21 @@ def _all_of(
             patches[len(scans) - 1] = entry.patch
         folder = entry.path if entry.patch is not None or entry.path.is_dir() else entry.path.parent
         surveys.append(folders.setdefault(folder, len(folders)))
-        in_file = entry.path.name + entry.where.removeprefix(str(entry.path))
-        for note in entry.notes:
-            labels.setdefault(note, []).append(entry.name if entry.name == entry.where else in_file)
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
-    about_scans = [f"{of[0]}{f' and {len(of) - 1:,} more' * (len(of) > 1)}: {note}" for note, of in labels.items()]
-    return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys), patches)
+    return ReadScans(tuple(scans), (*notes, *notes_about(entries)), files, tuple(unread), tuple(surveys), patches)
+
+
+def notes_about(entries: Iterable[ScanEntry]) -> list[str]:
+    """The notes about the points of scans, each once, with the sum of its counts."""
+    labels, sums = dict[str, list[str]](), dict[str, Note]()
+    for entry in entries:
+        in_file = entry.path.name + entry.where.removeprefix(str(entry.path))
+        for note in entry.notes:
+            labels.setdefault(note.words, []).append(entry.name if entry.name == entry.where else in_file)
+            before = sums.get(note.words, Note(note.words))
+            sums[note.words] = Note(note.words, before.count + note.count, before.total + note.total)
+    return [f"{of[0]}{f' and {len(of) - 1:,} more' * (len(of) > 1)}: {sums[words]}" for words, of in labels.items()]
 
 
 def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:

@@ -1,5 +1,6 @@
 """The content of a point cloud file, and its conversion to a scan of the usable points."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,12 +16,22 @@ STRENGTH_NAMES = ("strength", "intensity", "amplitude", "reflectivity", "i")
 VIEWPOINT_NAMES = ("vp_x", "vp_y", "vp_z")  # as in PCL's PointWithViewpoint
 TIME_NAMES = ("gps_time", "gpstime", "timestamp", "time", "t")
 
+LONGITUDES = {"lon", "lng", "long", "longitude", "lon_deg"}
+DEGREES = (
+    "longitudes and latitudes in degrees are not a scan; project them to meters, as to the UTM zone with QGIS or PDAL, "
+    "and subtract the sensor's position from the points of each scan"
+)
+
 _LISTED = 300  # characters of names that a message lists
 
 # Sensors see hundreds of meters; larger coordinates are map coordinates, whose centimeters float32 would lose.
 COORDINATE_LIMIT = 1e5
 _LONGEST_SCAN = 3600.0  # [s]
 _AWAY = 5.0  # points are map coordinates if their median is farther from the origin than their extent times this
+_MAX_MEDIAN = 2000.0  # largest median coordinate of points in meters [m]: 3D sonars see a few hundred meters at most
+_MAX_WHOLE = 100.0  # the same of points that are all whole numbers, which measured meters are not
+_MAX_DEGREES = 0.1  # extent along x and y of scans in degrees; along z it is this many times larger, and more:
+_LEAST_RATIO = 50.0
 POINT_BYTES = 3 * 8  # memory of a point while it is checked
 
 
@@ -65,6 +76,8 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
     if missing:
         listed = ", ".join(names) or "(none)"
         listed = listed if len(listed) <= _LISTED else f"{listed[:_LISTED]}..."
+        if LONGITUDES.intersection(plain):
+            raise InputError(f"its columns are {listed}: {DEGREES}")
         raise InputError(f"no column {', '.join(missing)} among the columns {listed}; name the coordinates x, y and z")
     roles = {axis: plain.index(axis) for axis in "xyz"}
     seen_from = [name for name in VIEWPOINT_NAMES if name in plain]
@@ -96,10 +109,67 @@ def columns_of(scan: Scan) -> dict[str, np.ndarray]:
     return columns
 
 
-def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A message about the points of a scan, whose counts are summed over the scans of which it is true."""
+
+    words: str  # with {} for the counts
+    count: int = 0
+    total: int = 0
+
+    def __str__(self) -> str:
+        return self.words.replace("{}", f"{self.count:,} of {self.total:,}")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Which points of a scan are used."""
+
+    # smallest and largest distance from the sensor [m]. Nearer points are no returns: sonars write these as 0, 0, 0, or
+    # as a ring of the shortest range
+    min_range: float = 0.05
+    max_range: float = math.inf
+    boxes: tuple[tuple[float, ...], ...] = ()  # x, y, z of two opposite corners of each [m]; points inside are left out
+
+    @classmethod
+    def of(cls, min_range: float | None, max_range: float | None, boxes: Sequence[str | Sequence[float]]) -> "Bounds":
+        """Bounds with defaults for None; boxes are six numbers, or these in words with commas."""
+        least, most = cls().min_range if min_range is None else min_range, math.inf if max_range is None else max_range
+        if not 0 <= least < most:
+            raise InputError(f"ranges from {least:g} to {most:g} m leave nothing; give other --min-range, --max-range")
+        corners = []
+        for box in boxes:
+            numbers = box.split(",") if isinstance(box, str) else box
+            try:
+                corners.append(tuple(float(number) for number in numbers))
+            except (TypeError, ValueError):
+                corners.append(())
+            if len(corners[-1]) != 6 or not np.isfinite(corners[-1]).all():
+                wanted = "x, y, z of two corners [m], as in --exclude-box 0.7,-0.4,-0.3,1.2,0.4,0.1"
+                raise InputError(f"--exclude-box {box!r} is no box; wanted {wanted}")
+        return cls(least, most, tuple(corners))
+
+    def excluded(self, points: np.ndarray, viewpoints: np.ndarray | None) -> list[tuple[str, np.ndarray]]:
+        """What is excluded, in words, with (N,) bool which of the finite points (N, 3) [m]."""
+        beams = points if viewpoints is None else points - viewpoints
+        with np.errstate(invalid="ignore", over="ignore"):
+            squares = np.einsum("ij,ij->i", beams, beams)
+        near = f"within {100 * self.min_range:g} cm of the sensor, which are no returns"
+        excluded = [(near, squares <= self.min_range**2), (f"beyond {self.max_range:g} m", squares > self.max_range**2)]
+        for box in self.boxes:
+            low, high = np.sort(np.reshape(box, (2, 3)), axis=0)
+            words = f"in the excluded box {','.join(f'{x:g}' for x in box)}"
+            excluded.append((words, ((points >= low) & (points <= high)).all(axis=1)))
+        return excluded
+
+
+RETURNS = Bounds()
+
+
+def scan_of_cloud(cloud: Cloud, name: str, stamp: float, bounds: Bounds = RETURNS) -> tuple[Scan, list[Note]]:
     """The usable points of `cloud` as a scan, and notes about dropped points and corrected strengths: points that are
-    NaN or infinite are dropped; strengths that are negative, NaN or infinite become 0."""
-    notes = list(cloud.notes)
+    NaN, infinite or out of bounds are dropped; strengths that are negative, NaN or infinite become 0."""
+    notes = [Note(note) for note in cloud.notes]
     total = len(cloud.points)
     if total == 0:
         raise InputError("no points in it; give a scan with at least one finite point")
@@ -107,20 +177,25 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
         points = cloud.points.astype(np.float64)
     finite = np.isfinite(points)
     finite = np.ones(total, bool) if finite.all() else finite.all(axis=1)  # all(axis=1) takes ten times as long
-    dropped = total - int(finite.sum())
-    if dropped == total:
-        raise InputError(f"all of its {total:,} points are NaN or infinite; nothing is left to register")
-    if dropped:
-        notes.append(f"dropped {dropped:,} of {total:,} points that are NaN or infinite")
-        points = points[finite]
+    kept = np.ones(total, bool)
+    for words, wrong in (("that are NaN or infinite", ~finite), *bounds.excluded(points, cloud.viewpoints)):
+        if dropped := int((kept & wrong).sum()):
+            notes.append(Note(f"dropped {{}} points {words}", dropped, total))
+            kept &= ~wrong
+    if not kept.any():
+        reasons = ", ".join(str(note) for note in notes if note.total)
+        raise InputError(f"{reasons}; nothing is left to register")
+    points = points[kept]
     refuse_map_coordinates(points)
+    _refuse_degrees(points)
     strength = None
     if cloud.strength is not None:
-        strength, corrected = _usable_strength(cloud.strength[finite])
+        strength, corrected = _usable_strength(cloud.strength[kept])
         if corrected:
-            notes.append(f"set {corrected:,} of {len(strength):,} strengths that are negative or not finite to 0")
-    viewpoints = None if cloud.viewpoints is None else _usable_viewpoints(cloud.viewpoints[finite])
-    times = _times_after(cloud, np.asarray(finite))
+            words = "set {} strengths that are negative or not finite to 0"
+            notes.append(Note(words, corrected, len(strength)))
+    viewpoints = None if cloud.viewpoints is None else _usable_viewpoints(cloud.viewpoints[kept])
+    times = _times_after(cloud, kept)
     return Scan(points.astype(np.float32), strength, stamp, cloud.prior, name, viewpoints, times), notes
 
 
@@ -152,6 +227,15 @@ def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
         )
 
 
+def refuse_other_unit(points: np.ndarray) -> None:
+    """Raise InputError if finite points (N, 3), N >= 1, are too far from the sensor for meters."""
+    far = float(np.median(np.abs(points).max(axis=1)))
+    are_whole = far > _MAX_WHOLE and bool((points == np.round(points)).all())
+    if far > _MAX_MEDIAN or are_whole:
+        which = "its coordinates are whole numbers, and " if are_whole else ""
+        raise InputError(f"{which}half of its points lie beyond {far:,.0f} m: {looks_like(points)}")
+
+
 def looks_like(points: np.ndarray) -> str:
     """Words on why finite points (N, 3) are too far from the origin for a scan, and what to do: a scan in another unit
     surrounds its sensor, one in map coordinates is far from the origin."""
@@ -163,6 +247,15 @@ def looks_like(points: np.ndarray) -> str:
             "subtract the sensor's position from the points of each scan"
         )
     return "are these millimeters, or another unit? Say which, as in --units mm, or `read_scans(path, units='mm')`"
+
+
+def _refuse_degrees(points: np.ndarray) -> None:
+    """Raise InputError if finite points (N, 3) look like longitudes, latitudes and heights: far from the origin for
+    their extent along x and y, which is nothing beside that along z."""
+    wide, high = np.ptp(points[:, :2], axis=0).max(), np.ptp(points[:, 2])
+    far = np.abs(np.median(points[:, :2], axis=0)).max()
+    if 0 < wide < _MAX_DEGREES and min(high, far) > _LEAST_RATIO * wide:
+        raise InputError(f"it extends over {wide:.2g} along x and y, and over {high:.3g} along z: {DEGREES}")
 
 
 def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:

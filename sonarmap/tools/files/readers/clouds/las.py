@@ -16,6 +16,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.clouds.cloud import (
     COORDINATE_LIMIT,
+    DEGREES,
     POINT_BYTES,
     VIEWPOINT_NAMES,
     Cloud,
@@ -146,14 +147,23 @@ def _stamp_of(times: np.ndarray | None, header: LasHeader) -> float | None:
 
 
 def _refuse_map_coordinates(points: np.ndarray, content: bytes) -> None:
+    """Raise InputError for points in degrees or in map coordinates, with the name of their system."""
     finite = points[np.isfinite(points).all(axis=1)]
-    if not len(finite) or np.abs(finite).max() <= COORDINATE_LIMIT:
+    if not len(finite):
         return
-    crs = crs_of(content)
-    system = "an unnamed system" if crs is None else str(crs.name)[:100]
+    crs, largest = crs_of(content), np.abs(finite).max(axis=0)
+    in_degrees = crs is not None and crs.is_geographic and (largest[:2] <= 180).all()
+    if not in_degrees and largest.max() <= COORDINATE_LIMIT:
+        return
+    authority = None if crs is None else crs.to_authority()
+    system = (
+        "an unnamed system" if crs is None else str(crs.name)[:100] + (f" ({':'.join(authority)})" if authority else "")
+    )
     ranges = ", ".join(
         f"{axis} {low:.10g} to {high:.10g}" for axis, low, high in zip("xyz", finite.min(0), finite.max(0), strict=True)
     )
+    if in_degrees:
+        raise InputError(f"its points are in {system}: {ranges}; {DEGREES}")
     raise InputError(
         f"its points are map coordinates in {system}: {ranges} m; subtract the sensor's position, in meters"
     )

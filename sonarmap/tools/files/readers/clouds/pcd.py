@@ -69,7 +69,7 @@ def read_pcd(content: bytes) -> list[Cloud]:
 def _parse_header(text: bytes) -> _Header:
     entries: dict[str, list[str]] = {}
     for line in text.decode("latin-1").split("\n"):
-        words = line.split()
+        words = line.replace(",", " ").split()
         if words and not words[0].startswith("#"):
             entries[words[0].upper()] = words[1:]
     missing = [name for name in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT") if not entries.get(name)]
@@ -129,7 +129,8 @@ def _numbers(text: str, count: int, largest: float, what: str, wanted: str) -> n
 def _read_ascii(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
     lines = rows.whole_lines(content[start:], header.lines + 1)
     rows.require(f"{header.points:,} points and {len(lines):,} lines follow", header.points, len(lines))
-    numbers = rows.parse_rows(lines[: header.points], sum(header.counts))
+    separator, points = rows.separated(lines[: header.points])
+    numbers = rows.parse_rows(points, sum(header.counts), separator)
     starts = _starts(header.counts)
     columns = {role: numbers[:, starts[field]] for role, field in roles.items()}
     return columns, rows.surplus_note(len(lines) - header.points, "lines", "point")

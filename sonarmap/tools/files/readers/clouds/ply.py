@@ -68,7 +68,8 @@ def read_ply(content: bytes) -> list[Cloud]:
         needed, held = sum(counts), len(lines)
         rows.require(f"{needed:,} lines of points and the like and {held:,} follow", needed, held)
         start = sum(counts[: header.elements.index(header.vertex)])
-        numbers = rows.parse_rows(lines[start : start + header.vertex.count], len(header.vertex.properties))
+        separator, vertices = rows.separated(lines[start : start + header.vertex.count])
+        numbers = rows.parse_rows(vertices, len(header.vertex.properties), separator)
         columns = {role: numbers[:, column] for role, column in roles.items()}
         return [cloud_of_columns(columns, rows.surplus_note(held - needed, "lines", "element"))]
     columns, start = _read_binary(content, header, roles)

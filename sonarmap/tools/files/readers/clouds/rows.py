@@ -9,7 +9,7 @@ from itertools import accumulate, compress, takewhile
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
+from sonarmap.tools.files.readers.clouds.cloud import LONGITUDES, Cloud, cloud_of_columns, column_roles
 
 Line = tuple[int, bytes]  # its number in the file, from 1, and its content
 _LARGEST_RECORD = 1 << 20  # bytes of one point
@@ -20,14 +20,22 @@ _RATIO = 100  # largest ratio of unpacked to packed bytes beyond that
 _PLAIN = b"0123456789+-.eEnaifNAIF \t"  # other characters are not left to np.loadtxt, which accepts too much
 _COMMENT = re.compile(rb"\s*(#|%|//)[#%/ \t]*")
 _UNIT = re.compile(r"[\[(]")  # start of a unit in a column's name
-_BARE = {3: ("x", "y", "z"), 4: ("x", "y", "z", "strength")}
+_NOT_FINITE = re.compile(rb"[+-]?(?:1\.#\w+|nan\(\w*\))", re.IGNORECASE)  # as Microsoft's C library writes it
+_COMMA = re.compile(rb"(?<![\d.,])(\d*),(\d+)(?![\d.,])")  # a decimal one, within a line
+_DECIMAL = re.compile(rb"[+-]?(?:\d*(?:,\d+)?(?:e[+-]?\d+)?|nan|inf)", re.IGNORECASE)  # with a comma, or none
+_COLORS = ("r", "g", "b")
+_BARE: dict[int, tuple[str, ...]] = {3: ("x", "y", "z"), 4: ("x", "y", "z", "strength")}
+_BARE |= {6: (*_BARE[3], *_COLORS), 7: (*_BARE[4], *_COLORS)}
+_WANTED = "x y z or x y z strength, each perhaps with r g b, or a first line that names the columns: x,y,z,intensity"
 
 
 def whole_lines(text: bytes, first: int) -> list[Line]:
-    """The lines of `text` that are not blank, numbered from `first`."""
+    """The lines of `text` that are not blank, numbered from `first`, without a byte-order mark; NaN and infinity of any
+    spelling become nan."""
     if text and not text.endswith((b"\n", b"\r")):
         raise InputError("the last line does not end with a line break: is the file cut? write it again, or add one")
-    lines = text.splitlines()
+    text = text.removeprefix(b"\xef\xbb\xbf")
+    lines = (_NOT_FINITE.sub(b"nan", text) if b".#" in text or b"(" in text else text).splitlines()
     return list(compress(enumerate(lines, first), map(bytes.strip, lines)))
 
 
@@ -51,7 +59,10 @@ def parse_rows(
             raise InputError(f"line {number} has {len(tokens)} columns; wanted {columns}; fix that line")
         bad = next((token for token in tokens if not is_number(token)), None)
         if bad is not None:
-            raise InputError(f"line {number}: {shown(bad)} is not a number; fix that line")
+            remedy = (
+                "write its decimal comma as a point" if _separator(bad) is None and b"," in bad else "fix that line"
+            )
+            raise InputError(f"line {number}: {shown(bad)} is not a number; {remedy}")
         numbers.extend(map(float, tokens))
     return np.frombuffer(numbers, np.float64).reshape(-1, columns)
 
@@ -116,51 +127,65 @@ def require_believable(what: str, packed: int, plain: int) -> None:
 
 
 def read_text(content: bytes) -> list[Cloud]:
-    """The points of a text file."""
+    """The points of a text file. A .pts file begins with their number."""
     try:
         content.decode("utf-8")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(f"line {line} is not UTF-8 text; save the file as UTF-8") from error
-    lines = whole_lines(content.removeprefix(b"\xef\xbb\xbf"), 1)
+    lines = whole_lines(content, 1)
     comments = list(takewhile(lambda line: _COMMENT.match(line[1]), lines))
-    rows = lines[len(comments) :]
+    rows, notes = lines[len(comments) :], list[str]()
+    if len(rows) > 1 and re.fullmatch(rb"\s*\d{1,18}\s*", rows[0][1]):
+        count, held = int(rows[0][1]), len(rows) - 1
+        require(f"{count:,} points in its first line, and {held:,} lines follow", count, held)
+        rows, notes = rows[1 : count + 1], surplus_note(held - count, "lines", "point")
     if not rows:
-        raise InputError(f"no points among its {len(lines):,} lines; wanted lines of x y z or x y z strength")
-    first, line = rows[0]
-    separator = _separator(line)
-    width = len(line.split(separator))
-    names = None if all(map(is_number, line.split(separator))) else _names_in(line, separator)
-    if names is not None:
-        rows, width = rows[1:], len(names)
-    else:
-        names = _commented_names(comments, width) or _BARE.get(width)
+        raise InputError(f"no points among its {len(lines):,} lines; wanted lines of {_WANTED}")
+    if rows[0][1].lower().startswith(b"ncols"):
+        raise InputError("it is an ESRI ASCII grid of heights; wanted the scans that a sonar measured")
+    names = _names_in(rows[0][1])
+    separator, rows = separated(rows if names is None else rows[1:])
     if names is None:
-        raise InputError(
-            f"line {first} has {width} columns: {shown(line)}; wanted x y z or x y z strength, or a first "
-            "line that names the columns, such as: x,y,z,intensity"
-        )
+        first, line = rows[0]
+        width = len(line.split(separator))
+        names = _commented_names(comments, width) or _BARE.get(width)
+        if names is None:
+            raise InputError(f"line {first} has {width} columns: {shown(line)}; wanted {_WANTED}")
     roles = column_roles(names)
-    numbers = parse_rows(rows, width, separator, _COMMENT)
-    return [cloud_of_columns({role: numbers[:, column] for role, column in roles.items()})]
+    numbers = parse_rows(rows, len(names), separator, _COMMENT)
+    colors = numbers[:, -3:]
+    if names in (_BARE[6], _BARE[7]) and not ((colors == np.round(colors)) & (colors >= 0) & (colors < 256)).all():
+        raise InputError(f"its last three of {len(names)} columns are no colors from 0 to 255; wanted {_WANTED}")
+    return [cloud_of_columns({role: numbers[:, column] for role, column in roles.items()}, notes)]
+
+
+def separated(lines: Sequence[Line]) -> tuple[bytes | None, Sequence[Line]]:
+    """The separator of lines of numbers, and the lines with points for decimal commas."""
+    separator = next((_separator(line) for _, line in lines if not _COMMENT.match(line)), None)
+    if separator == b"," or not any(b"," in line for _, line in lines):
+        return separator, lines
+    return separator, [(number, _COMMA.sub(rb"\1.\2", line)) for number, line in lines]
 
 
 def _separator(line: bytes) -> bytes | None:
-    """The separator of a line: a semicolon, a comma, or None for any run of blanks."""
-    return next((mark for mark in (b";", b",") if mark in line), None)
+    """The separator of a line: a semicolon, a comma that is not a decimal one, or None for any run of blanks."""
+    if b";" in line:
+        return b";"
+    return b"," if b"," in line and not all(map(_DECIMAL.fullmatch, line.split())) else None
 
 
-def _names_in(line: bytes, separator: bytes | None) -> list[str] | None:
-    """Column names without quotes and units (`"X [m]"` becomes X); None if none of them is x, y or z."""
+def _names_in(line: bytes) -> list[str] | None:
+    """Column names without quotes and units (`"X [m]"` becomes X); None if none of them is a coordinate."""
+    separator = _separator(line)
     tokens = [token.decode("utf-8").strip().strip("\"'") for token in line.split(separator)]
     names = [_UNIT.split(token, maxsplit=1)[0].strip() for token in tokens]
     if separator is None:
         names = [name for name in names if name]  # drop units that were separate words
-    return names if {"x", "y", "z"} & {name.lower() for name in names} else None
+    return names if {"x", "y", "z", *LONGITUDES} & {name.lower() for name in names} else None
 
 
 def _commented_names(comments: list[Line], width: int) -> list[str] | None:
     """Column names in the last comment that names x, y or z and has `width` columns; None if there is none."""
-    texts = (_COMMENT.sub(b"", line, count=1) for _, line in reversed(comments))
-    named = (_names_in(text, _separator(text)) or [] for text in texts)
+    named = (_names_in(_COMMENT.sub(b"", line, count=1)) or [] for _, line in reversed(comments))
     return next((names for names in named if len(names) == width), None)

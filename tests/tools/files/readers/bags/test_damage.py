@@ -100,9 +100,9 @@ def test_chunks_unpack_to_a_limit(monkeypatch: pytest.MonkeyPatch, compression: 
 
 
 def test_compression_bombs_in_recordings_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Clouds of zeros that shrink to nothing: read as they are, and refused where the limit is lower."""
+    """Clouds of one point that shrink to nothing: read as they are, and refused where the limit is lower."""
     zeros = np.zeros((40_000, 4), np.float32)
-    zeros[0] = 1
+    zeros[:, 0] = 1
     records = [("/p", CLOUD, 1.0, cloud(zeros))]
     paths = [
         write_mcap(tmp_path / "a.mcap", records),
