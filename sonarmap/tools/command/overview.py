@@ -1,7 +1,7 @@
 """Overviews of scan files and of navigation logs, printed and as JSON."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isclose, nan
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.odd.standing import StandingParts, in_words
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
 from sonarmap.tools.command.terminal import print_rows
@@ -24,6 +25,7 @@ from sonarmap.tools.files.readers.scans import (
     Progress,
     ScanEntry,
     files_of,
+    notes_about,
     read_entries,
     stamps_of,
 )
@@ -56,6 +58,8 @@ class Overview:
     clock: Clock | None = None  # of the scans' stamps; None if some scans have no time
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
     lines: list[LineOverview] = field(default_factory=list[LineOverview])  # lines of pings, whose patches are the scans
+    standing: StandingParts = field(default_factory=StandingParts)  # parts of the vehicle in view
+    about: list[ScanEntry] = field(default_factory=list[ScanEntry])  # the entries, without their scans
 
     def add(self, entry: ScanEntry) -> None:
         """Add a scan to the statistics; the scan itself is not kept."""
@@ -70,9 +74,11 @@ class Overview:
         self.farthest = max(self.farthest, float(np.sqrt(np.einsum("ij,ij->i", scan.points, scan.points).max())))
         self.with_strength += scan.strength is not None
         self.with_viewpoints += scan.viewpoints is not None
-        self.notes += [f"{entry.name}: {note}" for note in entry.notes]
+        self.about.append(replace(entry, scan=None))
         if entry.question and entry.question not in self.notes:
             self.notes.append(entry.question)
+        if entry.patch is None:
+            self.standing.add(scan)
         if scan.prior is not None and scan.prior.knows_attitude:
             self.attitudes.append(values_of(scan.prior.T_world_sensor)[:2])
         if entry.sound_speed is not None:
@@ -136,9 +142,12 @@ def overview_of(
     overview.stamps += np.array(stamps)[are_scans].tolist()
     if all(time is not None for time, is_cloud in zip(times, are_clouds, strict=True) if is_cloud):
         overview.clock = clock_of(np.array(overview.stamps))
-    if (more := len(overview.notes) - _MOST_NOTES) > 0:
-        overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
-    overview.notes[:0] = [*file_notes, *stamp_notes]
+    notes = notes_about(overview.about)
+    if (more := len(notes) - _MOST_NOTES) > 0:
+        notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
+    overview.notes += [*file_notes, *stamp_notes, *notes]
+    if parts := overview.standing.found():
+        overview.notes.append(in_words(parts))
     overview.lines += [line_overview(path, corrections.lines) for path in dict.fromkeys(of_lines)]
     return overview
 

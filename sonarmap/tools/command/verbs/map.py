@@ -47,7 +47,7 @@ from sonarmap.tools.command.survey import (
     open_execution,
     without_biases,
 )
-from sonarmap.tools.command.terminal import growing_progress, say, stage
+from sonarmap.tools.command.terminal import growing_progress, say, stage, warn
 from sonarmap.tools.files.writers.atomic import locked, require_writable
 
 if TYPE_CHECKING:
@@ -239,6 +239,7 @@ def _read_scans(
     inputs: list[str], priors: list[Path], corrections: "Corrections", out: Path, quiet: bool
 ) -> "ReadScans":
     """Read the scans, and warn of those that cannot be read."""
+    from sonarmap.slam.odd.standing import StandingParts, in_words
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import read_survey
 
@@ -251,6 +252,11 @@ def _read_scans(
         raise InputError(f"{read.unread[0].reason} ({count}; a map needs at least two)")
     warn_of_some([f"skipped, which leaves a gap: {as_options(unread.reason)}" for unread in read.unread])
     require_apart(out, read.files)
+    standing = StandingParts()
+    for scan in () if read.patches else read.scans:
+        standing.add(scan)
+    if parts := standing.found():
+        warn(in_words(parts))
     return read
 
 
