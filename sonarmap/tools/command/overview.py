@@ -24,6 +24,7 @@ from sonarmap.tools.files.readers.scans import (
     Corrections,
     Progress,
     ScanEntry,
+    Sweep,
     files_of,
     notes_about,
     read_entries,
@@ -58,6 +59,7 @@ class Overview:
     clock: Clock | None = None  # of the scans' stamps; None if some scans have no time
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
     lines: list[LineOverview] = field(default_factory=list[LineOverview])  # lines of pings, whose patches are the scans
+    sweep: Sweep = field(default_factory=Sweep)  # how long a scan takes
     standing: StandingParts = field(default_factory=StandingParts)  # parts of the vehicle in view
     about: list[ScanEntry] = field(default_factory=list[ScanEntry])  # the entries, without their scans
 
@@ -129,11 +131,12 @@ def overview_of(
     kinds = tuple(dict.fromkeys(each.kind for each in formats if each is not None))
     overview, file_notes = Overview(files_of(selection), kinds, edge), list[str]()
     times, are_clouds, are_scans = list[float | None](), list[bool](), list[bool]()
-    of_lines: list[Path] = []
+    spans, of_lines = list[float](), list[Path]()
     for entry in read_entries(selection, file_notes, progress, corrections):
         overview.add(entry)
         of_lines += [entry.path] * (entry.patch is not None)
         times.append(entry.stamp)
+        spans.append(entry.span)
         are_clouds.append(entry.is_cloud)
         are_scans.append(entry.scan is not None)
     if not overview.names:
@@ -145,7 +148,8 @@ def overview_of(
     notes = notes_about(overview.about)
     if (more := len(notes) - _MOST_NOTES) > 0:
         notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
-    overview.notes += [*file_notes, *stamp_notes, *notes]
+    overview.sweep = Sweep.of(spans, times)
+    overview.notes += [*file_notes, *stamp_notes, *overview.sweep.notes, *notes]
     if parts := overview.standing.found():
         overview.notes.append(in_words(parts))
     overview.lines += [line_overview(path, corrections.lines) for path in dict.fromkeys(of_lines)]
@@ -166,6 +170,7 @@ def overview_json(overview: Overview) -> dict[str, Any]:
         "extent_m": np.median(overview.extents, axis=0),
         "farthest_m": overview.farthest,
         "clock": clock and _clock_json(clock),
+        "sweep_s": overview.sweep.seconds or None,
         "changed": overview.changed,
         "strengths": overview.with_strength,
         "viewpoints": overview.with_viewpoints,
@@ -191,6 +196,7 @@ def print_overview(overview: Overview) -> None:
         "points": f"{median:,.0f} per scan in the median, {least:,} to {most:,}",
         "extent": f"{x:.3g} x {y:.3g} x {z:.3g} m in the median; the farthest point is at {overview.farthest:.3g} m",
         **_times(overview),
+        "sweep": _sweep(overview),
         **_lines(overview),
         "strengths": _share(overview.with_strength, scans),
         "sound speed": _sound_speed(overview),
@@ -211,6 +217,12 @@ def _times(overview: Overview) -> dict[str, str]:
     changed = f"; the last file was changed at {utc(overview.changed)} UTC" if clock.is_set else ""
     time = f"{_span_words(clock)}{changed}"
     return {"time": time} if clock.steps == 0 else {"time": time, "rate": _rate_words(clock, "scans")}
+
+
+def _sweep(overview: Overview) -> str:
+    if not overview.sweep.seconds:
+        return "not recorded: all points of a scan are of one time"
+    return f"{overview.sweep.seconds:.3g} s from the first point of a scan to its last"
 
 
 def _lines(overview: Overview) -> dict[str, str]:
