@@ -11,6 +11,7 @@ does not define which is meant.
 """
 
 from collections import defaultdict
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -37,27 +38,28 @@ _POSE = "x y z qx qy qz qw"
 _VERTEX_LAYOUT = f"id {_POSE}"
 _EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
-_LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
+_LARGEST_ID, _LARGEST_KEY = 2**53, 2**64 - 1  # the first is exact as a stamp, float64
+_SYMBOL = 56  # bits of the number in a key of GTSAM, below those of its letter
 
 
 def read_g2o(path: Path) -> PoseGraph:
-    """Read a pose graph; pose k is the vertex with the k-th smallest id, and its stamp is that id. Edges between
-    consecutive poses are "sequential", others "loop". Quaternions are normalized. An information matrix that is not
-    positive definite is an InputError."""
+    """Read a pose graph; pose k is the vertex with the k-th smallest id, and its stamp is that id, or for symbols of
+    GTSAM (x0, x1, ... as 64-bit keys) the number in it. Edges between consecutive poses are "sequential", others
+    "loop". Quaternions are normalized. An information matrix that is not positive definite is an InputError."""
     lines = _by_tag(path)
     if not lines[VERTEX]:
         raise InputError(f"{path} holds no {VERTEX}; a pose graph needs at least one")
     rows = finite_rows(path, lines[VERTEX], _VERTEX_LAYOUT)
-    ids = _ids(path, lines[VERTEX], rows[:, :1])[:, 0]
-    order = np.argsort(ids, kind="stable")
-    twice = np.flatnonzero(np.diff(ids[order]) == 0)
-    if len(twice):
-        first, second = (lines[VERTEX][k][0] for k in order[twice[0] : twice[0] + 2])
-        raise InputError(f"{path}: line {second} gives vertex {ids[order[twice[0]]]} again, after {first}; keep one")
+    ids = [key for (key,) in _ids(path, lines[VERTEX], 1)]
+    order = sorted(range(len(ids)), key=ids.__getitem__)
+    for a, b in pairwise(order):
+        if ids[a] == ids[b]:
+            first, second = lines[VERTEX][a][0], lines[VERTEX][b][0]
+            raise InputError(f"{path}: line {second} gives vertex {_named(ids[a])} again, after {first}; keep one")
     poses = transforms(path, lines[VERTEX], rows[:, 1:])[order]
-    index = {vertex: k for k, vertex in enumerate(ids[order].tolist())}
+    index = {ids[row]: k for k, row in enumerate(order)}
     return PoseGraph(
-        Trajectory(ids[order].astype(np.float64), poses),
+        Trajectory(_stamps(list(index)), poses),
         _edges(path, lines[EDGE], index),
         _fixed(path, lines[FIX], index),
         known=_known_poses(path, lines, index),
@@ -69,12 +71,28 @@ def require_connected(path: Path, graph: PoseGraph) -> None:
     parts = graph.components
     if len(parts) == 1:
         return
-    ids = graph.trajectory.stamps.astype(np.int64)
-    second = ids[parts[1][0]]
-    number = next(n for n, line in _by_tag(path)[VERTEX] if int(float(line.split(maxsplit=1)[0])) == second)
+    lines = _by_tag(path)[VERTEX]
+    numbers = {key: number for (key,), (number, _) in zip(_ids(path, lines, 1), lines, strict=True)}
+    first, second = (sorted(numbers)[part[0]] for part in parts[:2])
     raise InputError(
-        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}; join {len(parts)} parts"
+        f"{path}: line {numbers[second]}: no edges join vertex {_named(second)} to vertex {_named(first)}; join "
+        f"{len(parts)} parts"
     )
+
+
+def _stamps(ids: list[int]) -> np.ndarray:
+    """Stamps (N,) of ascending ids; those beyond float64 become the numbers of symbols, or 0, 1, 2, ... if several
+    letters have the same ones."""
+    if ids[-1] <= _LARGEST_ID:
+        return np.array(ids, np.float64)
+    numbers = [key % 2**_SYMBOL for key in ids]
+    return np.array(numbers if ids[0] >> _SYMBOL == ids[-1] >> _SYMBOL else range(len(ids)), np.float64)
+
+
+def _named(key: int) -> str:
+    """The id as a user knows it: x12 for the symbol of that name."""
+    letter = chr(key >> _SYMBOL)
+    return f"{letter}{key % 2**_SYMBOL}" if letter.isascii() and letter.isalpha() else str(key)
 
 
 def _by_tag(path: Path) -> dict[str, list[Line]]:
@@ -94,11 +112,21 @@ def _by_tag(path: Path) -> dict[str, list[Line]]:
     return lines
 
 
-def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
-    bad = np.flatnonzero(((numbers != np.floor(numbers)) | (numbers < 0) | (numbers > _LARGEST_ID)).any(axis=1))
-    if len(bad):
-        raise InputError(f"{path}: line {lines[bad[0]][0]}: vertex ids are whole numbers from 0 on")
-    return numbers.astype(np.int64)
+def _ids(path: Path, lines: list[Line], count: int) -> list[list[int]]:
+    """The first `count` numbers of each line, which are ids."""
+    ids = [[key_of(token) for token in line.split()[:count]] for _, line in lines]
+    for (number, _), keys in zip(lines, ids, strict=True):
+        if not all(0 <= key <= _LARGEST_KEY for key in keys):
+            raise InputError(f"{path}: line {number}: vertex ids are whole numbers from 0 on")
+    return ids
+
+
+def key_of(token: bytes) -> int:
+    """The id in a token, exactly; -1 for anything but a whole number."""
+    if token.isdigit():
+        return int(token) if len(token) <= 20 else -1
+    number = float(token)
+    return int(number) if number.is_integer() else -1
 
 
 def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, ...]:
@@ -107,7 +135,7 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, 
     ends, measured, information = _measured(path, lines)
     covariances = _covariances(path, lines, information)
     edges = []
-    for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
+    for (number, _), pair, T_i_j, covariance in zip(lines, ends, measured, covariances, strict=True):
         where = f"{path}: line {number}"
         i, j = (_pose_of(index, vertex, where) for vertex in pair)
         registration = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "read from a file")
@@ -136,10 +164,10 @@ def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.n
     return (covariances + covariances.transpose(0, 2, 1)) / 2
 
 
-def _measured(path: Path, lines: list[Line]) -> tuple[np.ndarray, RigidTransform, np.ndarray]:
-    """Ids (m, 2), transforms (m,) and information matrices (m, 6, 6), in the file's order, of m edges or priors."""
+def _measured(path: Path, lines: list[Line]) -> tuple[list[list[int]], RigidTransform, np.ndarray]:
+    """Ids of both ends, transforms (m,) and informations (m, 6, 6), in the order of the file, of m edges or priors."""
     rows = finite_rows(path, lines, _EDGE_LAYOUT)
-    ids, measured = _ids(path, lines, rows[:, :2]), transforms(path, lines, rows[:, 2:9])
+    ids, measured = _ids(path, lines, 2), transforms(path, lines, rows[:, 2:9])
     information = np.zeros((len(lines), 6, 6))
     information[:, *UPPER] = rows[:, 9:]
     return ids, measured, information + np.triu(information, 1).transpose(0, 2, 1)
@@ -153,9 +181,7 @@ def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]
     ids, measured, informations = _measured(path, lines[PRIOR])
     informations = informations[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
     known = []
-    for (number, _), (vertex, _), T, information in zip(
-        lines[PRIOR], ids.tolist(), measured, informations, strict=True
-    ):
+    for (number, _), (vertex, _), T, information in zip(lines[PRIOR], ids, measured, informations, strict=True):
         where = f"{path}: line {number}"
         pose = _pose_of(index, vertex, where)
         with naming(where):
@@ -176,12 +202,15 @@ def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, .
     fixed = set()
     for number, line in lines:
         count = max(len(line.split()), 1)
-        ids = _ids(path, [(number, line)], finite_rows(path, [(number, line)], " ".join(["id"] * count)))
-        fixed.update(_pose_of(index, vertex, f"{path}: line {number}") for vertex in ids[0].tolist())
+        finite_rows(path, [(number, line)], " ".join(["id"] * count))
+        (ids,) = _ids(path, [(number, line)], count)
+        fixed.update(_pose_of(index, vertex, f"{path}: line {number}") for vertex in ids)
     return tuple(sorted(fixed))
 
 
 def _pose_of(index: dict[int, int], vertex: int, where: str) -> int:
     if vertex not in index:
-        raise InputError(f"{where} names vertex {vertex}, which the file does not define; add it, or delete the line")
+        raise InputError(
+            f"{where} names vertex {_named(vertex)}, which the file does not define; add it, or delete the line"
+        )
     return index[vertex]

@@ -3,6 +3,7 @@
 TUM has a pose per line, `stamp tx ty tz qx qy qz qw`. The g2o conventions are in `readers.g2o`.
 """
 
+from codecs import BOM_UTF8
 from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from sonarmap.slam.graph.edge import inverse_definite
 from sonarmap.slam.graph.known_pose import KnownPose
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
+from sonarmap.tools.files.readers.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX, key_of
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
 
@@ -62,18 +63,19 @@ def rewrite_g2o(
     left_out: Container[int] = (),
 ) -> None:
     """Copy the g2o file `source` with new poses; all else, including comments and the digits of edges, is unchanged.
-    `trajectory` has the poses of its vertices, with the vertex id as the stamp, as `read_g2o` returns them. Edges are
-    numbered from 0 in the file's order: those in `left_out` are dropped."""
-    numbers = pose_numbers(trajectory.T_world_sensor).tolist()
-    poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}
+    `trajectory` has the poses of its vertices in the order of their ids, as `read_g2o` returns them. Edges are numbered
+    from 0 in the file's order: those in `left_out` are dropped."""
+    tagged = [
+        (line.split(maxsplit=2)[:2], line) for line in read_content(Path(source)).removeprefix(BOM_UTF8).splitlines()
+    ]
+    ids = sorted(key_of(words[1]) for words, _ in tagged if words[:1] == [VERTEX.encode()])
+    poses = dict(zip(ids, pose_numbers(trajectory.T_world_sensor).tolist(), strict=True))
     lines, edges = [], 0
-    for line in read_content(Path(source)).splitlines():
-        tag, *rest = line.split(maxsplit=2)[:2] or [b""]
-        if tag == VERTEX.encode():
-            vertex = int(float(rest[0]))
-            lines.append(_line(f"{VERTEX} {vertex}", poses[vertex]).encode())
+    for words, line in tagged:
+        if words[:1] == [VERTEX.encode()]:
+            lines.append(_line(f"{VERTEX} {words[1].decode()}", poses[key_of(words[1])]).encode())
             continue
-        if tag == EDGE.encode():
+        if words[:1] == [EDGE.encode()]:
             edges += 1
             if edges - 1 in left_out:
                 continue

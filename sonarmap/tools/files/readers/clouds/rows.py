@@ -2,6 +2,7 @@
 
 import re
 from array import array
+from codecs import BOM_UTF8
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import accumulate, compress, takewhile
@@ -34,7 +35,7 @@ def whole_lines(text: bytes, first: int) -> list[Line]:
     spelling become nan."""
     if text and not text.endswith((b"\n", b"\r")):
         raise InputError("the last line does not end with a line break: is the file cut? write it again, or add one")
-    text = text.removeprefix(b"\xef\xbb\xbf")
+    text = text.removeprefix(BOM_UTF8)
     lines = (_NOT_FINITE.sub(b"nan", text) if b".#" in text or b"(" in text else text).splitlines()
     return list(compress(enumerate(lines, first), map(bytes.strip, lines)))
 
