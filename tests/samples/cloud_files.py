@@ -73,6 +73,11 @@ def text(separator: str = " ", header: str = "", columns: Sequence[int] = (0, 1,
     return (header + end.join([*rows, ""])).encode()
 
 
+def colored() -> bytes:
+    """TABLE with a color in each line, as scanners' programs write it."""
+    return "".join(f"{x} {y} {z} {s} 255 0 {k}\n" for k, (x, y, z, s) in enumerate(TABLE.tolist())).encode()
+
+
 def put(path: Path, content: bytes) -> Path:
     """Write a file with this content."""
     path.write_bytes(content)
@@ -113,6 +118,10 @@ SAMPLES: dict[str, tuple[str, bytes]] = {
     "xyz": (".xyz", text()),
     "txt named by a comment": (".txt", text("\t", "# intensity z y x\n", (3, 2, 1, 0))),
     "csv": (".csv", text(";", "I;x;y;z\r\n", (3, 0, 1, 2), end="\r\n")),
+    "pts": (".pts", b"5\n" + colored()),
+    "asc": (".asc", colored()),
+    "csv with decimal commas": (".csv", text(";", "x;y;z;i\n").replace(b".", b",")),
+    "pcd with commas": (".pcd", pcd("ascii").replace(b".", b",").replace(b"# ,PCD v0,7", b"# .PCD v0.7")),
     "npy": (".npy", npy(TABLE)),
     "npy fortran big": (".npy", npy(np.asfortranarray(TABLE.astype(">f8")))),
     "npz": (".npz", npz(points=POINTS, strength=STRENGTH)),

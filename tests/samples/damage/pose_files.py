@@ -30,10 +30,17 @@ _ROWS = "\n".join(" ".join(map(str, row)) for row in _MATRIX)
 _COVARIANCE = np.diag([0.01, 0.01, 0.02, 0.5, 0.25, 0.125]).tolist()
 _PRIORS = "roll_deg,roll_sigma_deg,pitch_deg,pitch_sigma_deg,x_m,x_sigma_m,y_m,y_sigma_m,depth_m,depth_sigma_m"
 _PRIOR_ROW = "1.5,0.5,-2.5,0.5,10.5,3,20.5,3,7.5,0.1"
+SYMBOL = ord("x") << 56  # of GTSAM, x0
 _G2O = (
     "".join(f"VERTEX_SE3:QUAT {k} {k * 1.5} 2.25 -0.5 0.1 0.2 0.3 0.9\n" for k in range(3))
     + "".join(f"EDGE_SE3:QUAT {k} {k + 1} 1.5 0.25 0 0 0 0 1 {_INFORMATION}\n" for k in range(2))
     + f"FIX 0\nPARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\nEDGE_SE3_PRIOR 1 0 1.5 2 0 0 0 0 1 {_INFORMATION}\n"
+)
+# With the symbols x0, x1, x2 as ids, and priors without the number of an offset, behind a byte-order mark
+GTSAM = "\ufeff" + (
+    "".join(f"VERTEX_SE3:QUAT {SYMBOL + k} {k * 1.5} 2.25 -0.5 0.1 0.2 0.3 0.9\n" for k in range(3))
+    + "".join(f"EDGE_SE3:QUAT {SYMBOL + k} {SYMBOL + k + 1} 1.5 0.25 0 0 0 0 1 {_INFORMATION}\n" for k in range(2))
+    + f"EDGE_SE3_PRIOR:QUAT {SYMBOL + 1} 1.5 2 0 0 0 0 1 {_INFORMATION}\n"
 )
 _EDGE = {"i": 0, "j": 1, "T_i_j": _MATRIX, "covariance": _COVARIANCE, "probability": 0.9, "reason": "", "kind": "loop"}
 _GRAPH = {
@@ -105,6 +112,7 @@ POSE_FILES = {
     "kitti": Readable("poses.kitti", (" ".join(_ROWS.split()[:12]) + "\n").encode() * 2, read_kitti),
     "gt.log": Readable("gt.log", f"0 1 3\n{_ROWS}\n1 2 3\n{_ROWS}\n".encode(), read_gt_log),
     "g2o": Readable("graph.g2o", _G2O.encode(), read_g2o),
+    "g2o of GTSAM": Readable("graph.g2o", GTSAM.encode(), read_g2o),
     "graph.json": Readable("graph.json", json.dumps(_GRAPH).encode(), read_graph_json),
     "summary.json": Readable("summary.json", json.dumps(_SUMMARY).encode(), _summary),
     "pairs.csv": Readable("pairs.csv", _PAIRS.encode(), lambda path: read_pairs(path, 2)),

@@ -15,7 +15,7 @@ from tests.samples.damage.navigation_files import NAVIGATION_FILES
 pytestmark = pytest.mark.filterwarnings("error")
 NAMES = list(SAMPLES)
 MOST_SECONDS, MOST_MEMORY = 5.0, 512 << 20  # for one damaged file
-LINES_WITHOUT_COUNT = (".xyz", ".txt", ".csv")
+LINES_WITHOUT_COUNT = (".xyz", ".txt", ".csv", ".asc")
 
 
 def read(folder: Path, suffix: str, content: bytes) -> Scan:

@@ -255,7 +255,7 @@ def _refuse_degrees(points: np.ndarray) -> None:
     wide, high = np.ptp(points[:, :2], axis=0).max(), np.ptp(points[:, 2])
     far = np.abs(np.median(points[:, :2], axis=0)).max()
     if 0 < wide < _MAX_DEGREES and min(high, far) > _LEAST_RATIO * wide:
-        raise InputError(f"it extends over {wide:.2g} along x and y, and over {high:.3g} along z: {DEGREES}")
+        raise InputError(f"these look like degrees, as x and y span {wide:.2g}, and z {high:.3g}: {DEGREES}")
 
 
 def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
