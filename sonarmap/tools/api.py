@@ -365,7 +365,7 @@ def read_scans(
     """Read every scan of files, folders and patterns, in natural order of their names, as `sonarmap map` does.
 
     Args:
-        paths: PLY, PCD, XYZ/TXT/CSV, NPY, NPZ, LAS, LAZ and .sonar files, ROS bags and MCAP files, folders and
+        paths: PLY, PCD, XYZ/TXT/CSV/PTS/ASC, NPY, NPZ, LAS, LAZ and .sonar files, ROS bags and MCAP files, folders and
             patterns; `recording.sonar#3` is one scan of a file with several, `dive.bag::/sonar/points` one topic.
         sound_speed: true speed of sound [m/s]; the ranges of each scan of a .sonar file are multiplied by its ratio to
             the recorded one. None if the recorded one is right.
