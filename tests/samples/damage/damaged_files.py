@@ -11,12 +11,12 @@ from zlib import crc32
 
 import numpy as np
 
+from sonarmap.kernels import kept_child as module
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.slam.execute.pair_text import from_text, to_text
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.overview import overview_of
-from sonarmap.tools.files.readers.clouds import las as module
 from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.bags.samples import recordings

@@ -11,6 +11,7 @@ does not define which is meant.
 """
 
 from collections import defaultdict
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -116,17 +117,17 @@ def _ids(path: Path, lines: list[Line], count: int) -> list[list[int]]:
     """The first `count` numbers of each line, which are ids."""
     ids = [[key_of(token) for token in line.split()[:count]] for _, line in lines]
     for (number, _), keys in zip(lines, ids, strict=True):
-        if min(keys) < 0:
+        if min(keys, default=-1) < 0:
             raise InputError(f"{path}: line {number}: vertex ids are whole numbers from 0 on")
     return ids
 
 
 def key_of(token: bytes) -> int:
     """The id in a token, exactly; -1 for anything but a whole number."""
-    if token.isdigit():
-        return int(token)
-    number = float(token)
-    return int(number) if number.is_integer() else -1
+    with suppress(ValueError):
+        if (number := float(token)).is_integer():
+            return int(token) if token.isdigit() else int(number)
+    return -1
 
 
 def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, ...]:
@@ -201,9 +202,7 @@ def _require_no_offset(path: Path, lines: list[Line]) -> None:
 def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, ...]:
     fixed = set()
     for number, line in lines:
-        count = max(len(line.split()), 1)
-        finite_rows(path, [(number, line)], " ".join(["id"] * count))
-        (ids,) = _ids(path, [(number, line)], count)
+        (ids,) = _ids(path, [(number, line)], len(line))
         fixed.update(_pose_of(index, vertex, f"{path}: line {number}") for vertex in ids)
     return tuple(sorted(fixed))
 

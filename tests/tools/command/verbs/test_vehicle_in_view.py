@@ -69,9 +69,9 @@ def test_impossible_boxes_are_refused(surveys: tuple[Path, Path]) -> None:
 @pytest.mark.parametrize("scene", ["flatbed", "harbor"])
 def test_the_named_boxes_give_the_map_without_the_vehicle(tmp_path: Path, scene: str) -> None:
     """Poses within 0.1 voxel, no false point at the track, and as many doubtful points."""
-    clean = simulated(tmp_path / "clean", scene, "--spacing", "2")
+    clean = simulated(tmp_path / "clean", scene, "--spacing", "3", "--priors", "all", "--fix-sigma", "0.5")
     dirty = with_vehicle(clean, tmp_path / "rails")
-    options = ("--grid", "64", "--loops", "0", "--no-report")
+    options = ("--grid", "64", "--loops", "0", "--no-report", "--priors", clean / "priors.csv")
     done(sonarmap("map", clean, "-o", tmp_path / "a", *options))
     first = sonarmap("map", dirty, "-o", tmp_path / "b", *options)
     boxes = OPTIONS.findall(" ".join(first.stderr.split()))

@@ -100,7 +100,7 @@ def test_las_in_degrees_is_refused_with_its_system(tmp_path: Path, code: int, mo
     monkeypatch.setattr(cloud_files, "SCALE", 1e-7)
     crs, table = CRS.from_epsg(code), np.column_stack([in_degrees(), np.ones(400)])
     put(tmp_path / "a.laz", las(table, crs=crs, offset=(5.0, 60.0, 0.0)))
-    refuses(rf"in {crs.name} \(EPSG:{code}\): x 5\.3.*in degrees are not a scan", read_scans, [tmp_path / "a.laz"])
+    refuses(rf"its points are in {crs.name}: .*in degrees are not a scan", read_scans, [tmp_path / "a.laz"])
 
 
 @pytest.mark.parametrize("scale", [2000.0, 200.0])

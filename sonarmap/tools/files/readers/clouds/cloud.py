@@ -30,8 +30,8 @@ _LONGEST_SCAN = 3600.0  # [s]
 _AWAY = 5.0  # points are map coordinates if their median is farther from the origin than their extent times this
 _MAX_MEDIAN = 2000.0  # largest median coordinate of points in meters [m]: 3D sonars see a few hundred meters at most
 _MAX_WHOLE = 100.0  # the same of points that are all whole numbers, which measured meters are not
-_MAX_DEGREES = 0.1  # extent along x and y of scans in degrees; along z it is this many times larger, and more:
-_LEAST_RATIO = 50.0
+# Largest extent of degrees along x and y, and how many times farther the points are from 0, and extend along z
+_MAX_DEGREES, _LEAST_RATIO = 0.1, 50.0
 POINT_BYTES = 3 * 8  # memory of a point while it is checked
 
 
@@ -187,7 +187,6 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float, bounds: Bounds = RETURN
         raise InputError(f"{reasons}; nothing is left to register")
     points = points[kept]
     refuse_map_coordinates(points)
-    _refuse_degrees(points)
     strength = None
     if cloud.strength is not None:
         strength, corrected = _usable_strength(cloud.strength[kept])
@@ -223,20 +222,24 @@ def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
         far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())
         raise InputError(
             f"{far:,} of {len(points):,} {what} lie beyond {COORDINATE_LIMIT / 1000:g} km (largest coordinate "
-            f"{largest:.6g} m): {looks_like(points)}"
+            f"{largest:.6g} m): {_looks_like(points)}"
         )
 
 
 def refuse_other_unit(points: np.ndarray) -> None:
-    """Raise InputError if finite points (N, 3), N >= 1, are too far from the sensor for meters."""
+    """Raise InputError if finite points (N, 3), N >= 1, are in degrees, or too far from the sensor for meters."""
+    median, extent = np.abs(np.median(points[:, :2], axis=0)).max(), np.ptp(points, axis=0)
+    wide, high = extent[:2].max(), extent[2]
+    if 0 < wide < _MAX_DEGREES and min(high, median) > _LEAST_RATIO * wide:
+        raise InputError(f"these look like degrees, as x and y span {wide:.2g}, and z {high:.3g}: {DEGREES}")
     far = float(np.median(np.abs(points).max(axis=1)))
     are_whole = far > _MAX_WHOLE and bool((points == np.round(points)).all())
     if far > _MAX_MEDIAN or are_whole:
         which = "its coordinates are whole numbers, and " if are_whole else ""
-        raise InputError(f"{which}half of its points lie beyond {far:,.0f} m: {looks_like(points)}")
+        raise InputError(f"{which}half of its points lie beyond {far:,.0f} m: {_looks_like(points)}")
 
 
-def looks_like(points: np.ndarray) -> str:
+def _looks_like(points: np.ndarray) -> str:
     """Words on why finite points (N, 3) are too far from the origin for a scan, and what to do: a scan in another unit
     surrounds its sensor, one in map coordinates is far from the origin."""
     with np.errstate(over="ignore"):
@@ -247,15 +250,6 @@ def looks_like(points: np.ndarray) -> str:
             "subtract the sensor's position from the points of each scan"
         )
     return "are these millimeters, or another unit? Say which, as in --units mm, or `read_scans(path, units='mm')`"
-
-
-def _refuse_degrees(points: np.ndarray) -> None:
-    """Raise InputError if finite points (N, 3) look like longitudes, latitudes and heights: far from the origin for
-    their extent along x and y, which is nothing beside that along z."""
-    wide, high = np.ptp(points[:, :2], axis=0).max(), np.ptp(points[:, 2])
-    far = np.abs(np.median(points[:, :2], axis=0)).max()
-    if 0 < wide < _MAX_DEGREES and min(high, far) > _LEAST_RATIO * wide:
-        raise InputError(f"these look like degrees, as x and y span {wide:.2g}, and z {high:.3g}: {DEGREES}")
 
 
 def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:

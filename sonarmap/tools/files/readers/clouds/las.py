@@ -13,57 +13,41 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.kept_child import run_apart
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.clouds.cloud import (
-    COORDINATE_LIMIT,
     DEGREES,
     POINT_BYTES,
     VIEWPOINT_NAMES,
     Cloud,
     cloud_of_columns,
+    refuse_map_coordinates,
 )
 from sonarmap.tools.files.readers.clouds.rows import require_believable, require_bytes, surplus_note
 from sonarmap.tools.files.time_scales import utc_of_gps
+from sonarmap.tools.files.user_file import naming
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasReader
     from pyproj import CRS
-
-import atexit
-import os
-import pickle
-import signal
-import subprocess
-import sys
-from collections.abc import Callable, Sequence
-from importlib import import_module
-from pathlib import Path
-from threading import Lock
-from time import process_time
-from typing import IO, Any, cast
-
-from sonarmap.kernels.child import command_of, end_in_words, environment
 
 _PIECE = 1 << 19  # points that are unpacked at a time
 _LEAST_HEADER, _RECORD_HEADER = 227, 54  # bytes of the shortest header, and of a variable length record's header
 _POINT_FORMAT, _COMPRESSED = 104, 0xC0  # offset of the point format in the header, and its bits for compression
 _ADJUSTED = 1_000_000_000  # GPS time minus adjusted standard GPS time [s]
 _DAMAGED = "the file is cut or damaged; copy it again"
-Read = Callable[[bytes], list[Cloud]]
-
-_SECONDS, _BYTES_PER_SECOND = 30, 100_000  # processor time: 30 s + 1 s per 100 kB, ten times what slow computers need
-_MEMORY, _MEMORY_PER_BYTE = 512 << 20, 200  # memory for a file, and per byte of it [bytes]
-_END_TIMEOUT = 10.0  # time that a process may take to end after it closed its output [s]
-
-_lock = Lock()
-_reader: tuple[int, subprocess.Popen[bytes]] | None = None  # id of the parent process (forks differ), and the reader
 
 
 def read_las(content: bytes) -> list[Cloud]:
     """Read the points of a LAS or LAZ file, with intensity as strength, and GPS times not converted. The stamp is the
     first time in UTC if the header declares adjusted standard GPS time."""
     (cloud,) = read_map_las(content)
-    _refuse_map_coordinates(cloud.points, content)
+    finite = cloud.points[np.isfinite(cloud.points).all(axis=1)]
+    if len(finite) and (crs := crs_of(content)) is not None:
+        with naming(f"its points are in {str(crs.name)[:100]}"):
+            if crs.is_geographic and (np.abs(finite[:, :2]) <= 180).all():
+                raise InputError(DEGREES)
+            refuse_map_coordinates(finite)
     return [cloud]
 
 
@@ -71,7 +55,7 @@ def read_map_las(content: bytes) -> list[Cloud]:
     """Like `read_las`, but allows map coordinates. Compressed points are read in another process, as damaged files can
     crash lazrs or make it allocate all memory."""
     _require_sound_header(content)
-    return read_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)
+    return run_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)
 
 
 def _read(content: bytes) -> list[Cloud]:
@@ -146,29 +130,6 @@ def _stamp_of(times: np.ndarray | None, header: LasHeader) -> float | None:
     return float(utc_of_gps(known.min() + _ADJUSTED)) if known.any() else None
 
 
-def _refuse_map_coordinates(points: np.ndarray, content: bytes) -> None:
-    """Raise InputError for points in degrees or in map coordinates, with the name of their system."""
-    finite = points[np.isfinite(points).all(axis=1)]
-    if not len(finite):
-        return
-    crs, largest = crs_of(content), np.abs(finite).max(axis=0)
-    in_degrees = crs is not None and crs.is_geographic and (largest[:2] <= 180).all()
-    if not in_degrees and largest.max() <= COORDINATE_LIMIT:
-        return
-    authority = None if crs is None else crs.to_authority()
-    system = (
-        "an unnamed system" if crs is None else str(crs.name)[:100] + (f" ({':'.join(authority)})" if authority else "")
-    )
-    ranges = ", ".join(
-        f"{axis} {low:.10g} to {high:.10g}" for axis, low, high in zip("xyz", finite.min(0), finite.max(0), strict=True)
-    )
-    if in_degrees:
-        raise InputError(f"its points are in {system}: {ranges}; {DEGREES}")
-    raise InputError(
-        f"its points are map coordinates in {system}: {ranges} m; subtract the sensor's position, in meters"
-    )
-
-
 def crs_of(content: bytes) -> CRS | None:
     """The coordinate reference system of a readable file; None if it has none that pyproj knows."""
     from laspy import LasHeader
@@ -176,106 +137,3 @@ def crs_of(content: bytes) -> CRS | None:
     with suppress(Exception):  # pyproj and laspy answer damage with errors of any kind
         return LasHeader.read_from(io.BytesIO(content)).parse_crs()
     return None
-
-
-def read_apart(read: Read, content: bytes) -> list[Cloud]:
-    """Run `read(content)`, a module-level function, in a separate process, so that a crash cannot end this one."""
-    with _lock:
-        process = _process()
-        seconds, room = _SECONDS + len(content) // _BYTES_PER_SECOND, _MEMORY + _MEMORY_PER_BYTE * len(content)
-        try:
-            _send(process.stdin, (read.__module__, read.__name__, seconds, room, content))
-            answer = _receive(process.stdout)
-        except (OSError, EOFError, pickle.UnpicklingError):
-            end = _end(_END_TIMEOUT)
-            raise InputError(f"its library ended with {end}: the file is cut or damaged; copy it again") from None
-        except BaseException:  # after Ctrl-C an answer may remain in the pipe
-            _end()
-            raise
-    if isinstance(answer, str):
-        raise InputError(answer)
-    return answer
-
-
-def main(_: Sequence[str]) -> None:
-    """Main function of the separate process: read one file after another until the input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles Ctrl-C
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # keep what libraries print out of the answers
-    with suppress(EOFError):
-        while True:
-            module, name, seconds, room, content = _receive(sys.stdin.buffer)
-            _bound(seconds, room)
-            _send(answers, _answer(getattr(import_module(module), name), content))
-
-
-def _answer(read: Read, content: bytes) -> list[Cloud] | str:
-    """The clouds, or why they cannot be read."""
-    try:
-        return read(content)
-    except InputError as error:
-        return str(error)
-    except MemoryError:
-        return "it takes more memory than is available; thin its points out first"
-
-
-def _bound(seconds: int, room: int) -> None:
-    """Limit the processor time [s] and the additional memory [bytes] for the next file, and disable core dumps."""
-    try:
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
-    except (ImportError, OSError):  # not Linux
-        return
-    bounds = {resource.RLIMIT_CPU: int(process_time()) + seconds, resource.RLIMIT_AS: used + room}
-    for kind, wanted in bounds.items():
-        most = resource.getrlimit(kind)[1]
-        resource.setrlimit(kind, (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))
-
-
-def _send(stream: IO[bytes] | None, message: object) -> None:
-    out = cast(IO[bytes], stream)
-    pickle.dump(message, out, pickle.HIGHEST_PROTOCOL)
-    out.flush()
-
-
-def _receive(stream: IO[bytes] | None) -> Any:
-    return pickle.load(cast(IO[bytes], stream))
-
-
-def _process() -> subprocess.Popen[bytes]:
-    """The running reader process; a new one if there is none or it has ended."""
-    global _reader
-    if _reader is None or _reader[0] != os.getpid() or _reader[1].poll() is not None:
-        try:
-            process = subprocess.Popen(
-                command_of(__name__),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                env={**environment(), "OPENBLAS_NUM_THREADS": "1"},
-            )
-        except OSError as error:
-            raise InputError(f"cannot start a process to read it ({error.strerror or error}); end others") from error
-        _reader = os.getpid(), process
-    return _reader[1]
-
-
-def _end(patience: float = 0.0) -> str:
-    """End the reader process, by force after `patience` seconds; return in words how it ended."""
-    global _reader
-    if _reader is None or _reader[0] != os.getpid():
-        return "nothing"
-    process, _reader = _reader[1], None
-    for stream in (process.stdin, process.stdout):
-        with suppress(OSError):  # data that can no longer be sent
-            cast(IO[bytes], stream).close()
-    try:
-        return end_in_words(process.wait(patience))
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return end_in_words(process.wait())
-
-
-atexit.register(_end)

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonarmap.kernels import kept_child as module
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.clouds import las as module
+from sonarmap.kernels.kept_child import run_apart
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.clouds.las import read_apart
 from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.cloud_files import POINTS, las
 from tests.samples.places import ROOT
@@ -50,11 +50,11 @@ def gorge(_: bytes) -> list[Cloud]:
 
 def process() -> float | None:
     """That reads now."""
-    return read_apart(whole, POINTS.tobytes())[0].stamp
+    return run_apart(whole, POINTS.tobytes())[0].stamp
 
 
 def test_clouds_from_the_other_process_equal_those_read_here() -> None:
-    here, there = (read(POINTS.astype("<f4").tobytes()) for read in (whole, lambda content: read_apart(whole, content)))
+    here, there = (read(POINTS.astype("<f4").tobytes()) for read in (whole, lambda content: run_apart(whole, content)))
     for cloud, other in zip(here, there, strict=True):
         for name in ("points", "strength", "viewpoints", "times"):
             np.testing.assert_array_equal(getattr(cloud, name), getattr(other, name))
@@ -66,23 +66,23 @@ def test_clouds_from_the_other_process_equal_those_read_here() -> None:
 @pytest.mark.slow
 def test_the_process_is_reused_until_it_ends() -> None:
     first = process()
-    refuses("3 bytes are not to its taste", read_apart, refuse, b"abc")
+    refuses("3 bytes are not to its taste", run_apart, refuse, b"abc")
     assert process() == first
-    refuses("its library ended with SIGSEGV: the file is cut or damaged; copy it again", read_apart, crash, b"")
+    refuses("its library ended with SIGSEGV: the file is cut or damaged; copy it again", run_apart, crash, b"")
     second = process()
     assert second != first
-    refuses("ended with exit code 7", read_apart, leave, bytes(1 << 24))
+    refuses("ended with exit code 7", run_apart, leave, bytes(1 << 24))
     assert process() != second
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not bound a process")
 def test_time_and_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    refuses("it takes more memory than", read_apart, gorge, b"")
+    refuses("it takes more memory than", run_apart, gorge, b"")
     first = process()
     with monkeypatch.context() as patch:
         patch.setattr(module, "_SECONDS", 1)
-        refuses("ended with SIGXCPU", read_apart, loop, b"")
+        refuses("ended with SIGXCPU", run_apart, loop, b"")
     assert process() != first
 
 
@@ -91,10 +91,10 @@ def test_an_interrupted_answer_is_not_given_to_the_next_file(monkeypatch: pytest
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(module, "_receive", interrupted)
+        patch.setattr(module.pickle, "load", interrupted)
         with pytest.raises(KeyboardInterrupt):
             process()
-    refuses("2 bytes are not", read_apart, refuse, b"ab")
+    refuses("2 bytes are not", run_apart, refuse, b"ab")
 
 
 def hostile() -> bytes:
@@ -121,7 +121,7 @@ def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:
     (tmp_path / "a.laz").write_bytes(las())
     (tmp_path / "script.py").write_text(
         "import sonarmap\nprint(len(sonarmap.read_scans('a.laz')[0].points))\n"
-        "from sonarmap.tools.files.readers.clouds.las import _reader\nprint(_reader[1].pid)\n"
+        "from sonarmap.kernels.kept_child import _reader\nprint(_reader[1].pid)\n"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     ended = subprocess.run(
