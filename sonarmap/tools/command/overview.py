@@ -11,6 +11,7 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.motion.sweep import Sweep, span_of
 from sonarmap.slam.odd.standing import StandingParts, in_words
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
@@ -24,7 +25,6 @@ from sonarmap.tools.files.readers.scans import (
     Corrections,
     Progress,
     ScanEntry,
-    Sweep,
     files_of,
     notes_about,
     read_entries,
@@ -136,7 +136,7 @@ def overview_of(
         overview.add(entry)
         of_lines += [entry.path] * (entry.patch is not None)
         times.append(entry.stamp)
-        spans.append(entry.span)
+        spans.append(span_of(entry.scan))
         are_clouds.append(entry.is_cloud)
         are_scans.append(entry.scan is not None)
     if not overview.names:

@@ -295,10 +295,7 @@ def _corrections(settings: dict[str, Any]) -> Corrections:
         settings.get("all_soundings") or False,
         settings.get("heights", DEFAULT_VERTICAL),
     )
-    boxes = settings.get("exclude_box", [])
-    bounds = Bounds.of(
-        settings.get("min_range"), settings.get("max_range"), [boxes] if isinstance(boxes, str) else boxes
-    )
+    bounds = Bounds.of(settings.get("min_range"), settings.get("max_range"), settings.get("exclude_box", []))
     return Corrections(settings.get("sound_speed"), settings.get("range_scale", 1.0), frame, lines, bounds)
 
 

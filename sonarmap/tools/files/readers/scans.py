@@ -9,18 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.motion.sweep import Sweep, span_of
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.clouds import moved
-from sonarmap.tools.files.readers.clouds.cloud import (
-    RETURNS,
-    Bounds,
-    Cloud,
-    Note,
-    PingPatch,
-    refuse_other_unit,
-    scan_of_cloud,
-)
+from sonarmap.tools.files.readers.clouds.cloud import Bounds, Cloud, Note, PingPatch, refuse_other_unit, scan_of_cloud
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
 from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading
 from sonarmap.tools.files.readers.selection import Selection, select_files
@@ -30,13 +23,6 @@ Progress = Callable[[int, int, str], None]
 _ARRAYS = ("points", "strength", "viewpoints", "times")  # array attributes of a scan
 _TEXTS = (".txt", ".csv")  # suffixes of text files, which may hold points or anything else
 _SHOWN = 100  # progress is reported after this number of scans of a file
-# Possible sweeps [s]: in the water the shortest ping takes longer than a millisecond, and the next scan follows
-_SHORTEST_SWEEP, _LONGEST_SWEEP, _OVERLAP = 1e-3, 10.0, 1.2  # the longest where scans have no stamps; else [intervals]
-# Factor to seconds -> unit. Counts in messages are read as nanoseconds, and may be of longer units.
-_TIME_UNITS = {
-    1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds",
-    1e3: "microseconds", 1e6: "milliseconds",
-}  # fmt: skip
 SOUND_SPEEDS = (1000.0, 2000.0)  # accepted range [m/s]; in water it is 1400 to 1600
 # Axes of the points in a file -> rows of R_flu_file: forward, left and up in the file's axes.
 FRAMES = {
@@ -91,7 +77,7 @@ class Corrections:
     scale: float = 1.0  # further factor on ranges, for any format
     frame: PointFrame = AS_THE_FILE_SAYS  # axes and unit of the points in files
     lines: LineReading = AS_LINES  # how lines of pings are divided into scans
-    bounds: Bounds = RETURNS  # which points are used, in the corrected frame and unit
+    bounds: Bounds = field(default_factory=Bounds)  # which points are used, in the corrected frame and unit
 
     def __post_init__(self) -> None:
         low, high = SOUND_SPEEDS
@@ -185,8 +171,8 @@ def read_survey(
         entries.append(_kept(entry, store))
     times, are_clouds = [entry.stamp for entry in entries], [entry.is_cloud for entry in entries]
     stamps, stamp_notes = stamps_of(times, are_clouds)
-    sweep = Sweep.of([entry.span for entry in entries], times)
-    entries = [sweep.in_seconds(entry, store) for entry in entries]
+    sweep = Sweep.of([span_of(entry.scan) for entry in entries], times)
+    entries = [replace(entry, scan=sweep.in_seconds(entry.scan, store)) for entry in entries]
     return _all_of(entries, stamps, [*notes, *stamp_notes, *sweep.notes], files_of(selection))
 
 
@@ -226,52 +212,6 @@ class ScanEntry:
     sound_speed: float | None = None  # recorded speed of sound [m/s], or None
     patch: PingPatch | None = None  # the pings it is made of, or None
     question: str = ""  # why its axes are not known, and what to do
-
-    @property
-    def span(self) -> float:
-        """From the time of its first point to that of the last, as read; 0 without times."""
-        return 0.0 if self.scan is None or self.scan.times is None else float(np.ptp(self.scan.times))
-
-
-@dataclass(frozen=True, slots=True)
-class Sweep:
-    """How long the sensor takes for a scan, by the times of its points."""
-
-    seconds: float = 0.0  # in the median; 0 without times
-    factor: float | None = 1.0  # by which times as read become seconds; None if they are impossible in any unit
-    limit: float = _LONGEST_SWEEP  # longest that is possible [s]
-    notes: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, spans: Sequence[float], stamps: Sequence[float | None]) -> "Sweep":
-        """The unit of the times is one in which a sweep takes no longer than it is from scan to scan. Spans (0 without
-        times) and stamps (None if the file has none) are those of entries."""
-        known = np.array([stamp for stamp in stamps if stamp is not None])
-        steps = np.diff(known)[np.diff(known) > 0]
-        limit = _OVERLAP * float(np.median(steps)) if len(steps) else _LONGEST_SWEEP
-        if not any(spans):
-            return cls()
-        span = float(np.median([span for span in spans if span]))
-        factor = next((factor for factor in _TIME_UNITS if _SHORTEST_SWEEP <= factor * span <= limit), None)
-        if factor is None:
-            possible = f"{_SHORTEST_SWEEP:g} to {limit:.3g} s are possible"
-            note = f"a sweep takes {span:.3g} s by the times of its points, and {possible}: they are not used"
-            return cls(span, None, limit, (note,))
-        note = f"the times of points are taken as {_TIME_UNITS[factor]}, by which a sweep takes {factor * span:.3g} s"
-        return cls(factor * span, factor, limit, (note,) if factor != 1 else ())
-
-    def in_seconds(self, entry: ScanEntry, store: PointStore) -> ScanEntry:
-        """The entry with times in seconds; if these are by another clock than its stamp, from its first point on."""
-        scan = entry.scan
-        if scan is None or scan.times is None:
-            return entry
-        if self.factor is None:
-            return replace(entry, scan=replace(scan, times=None))
-        times = self.factor * scan.times.astype(np.float64)
-        if (is_other_clock := np.abs(times).max() > 2 * self.limit) or self.factor != 1:
-            times -= times.min() * is_other_clock
-            return replace(entry, scan=replace(scan, times=store.keep(times.astype(np.float32))))
-        return entry
 
 
 def read_entries(

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -118,7 +119,7 @@ class Note:
     total: int = 0
 
     def __str__(self) -> str:
-        return self.words.replace("{}", f"{self.count:,} of {self.total:,}")
+        return self.words.replace("{}", f"{self.count:,} of {self.total:,}") if self.total else self.words
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,13 +133,13 @@ class Bounds:
     boxes: tuple[tuple[float, ...], ...] = ()  # x, y, z of two opposite corners of each [m]; points inside are left out
 
     @classmethod
-    def of(cls, min_range: float | None, max_range: float | None, boxes: Sequence[str | Sequence[float]]) -> "Bounds":
-        """Bounds with defaults for None; boxes are six numbers, or these in words with commas."""
+    def of(cls, min_range: float | None, max_range: float | None, boxes: str | Sequence[str | Sequence[float]]) -> Self:
+        """Bounds with defaults for None; a box is six numbers, or a text of these with commas."""
         least, most = cls().min_range if min_range is None else min_range, math.inf if max_range is None else max_range
         if not 0 <= least < most:
             raise InputError(f"ranges from {least:g} to {most:g} m leave nothing; give other --min-range, --max-range")
         corners = []
-        for box in boxes:
+        for box in [boxes] if isinstance(boxes, str) else boxes:
             numbers = box.split(",") if isinstance(box, str) else box
             try:
                 corners.append(tuple(float(number) for number in numbers))
@@ -150,9 +151,9 @@ class Bounds:
         return cls(least, most, tuple(corners))
 
     def excluded(self, points: np.ndarray, viewpoints: np.ndarray | None) -> list[tuple[str, np.ndarray]]:
-        """What is excluded, in words, with (N,) bool which of the finite points (N, 3) [m]."""
-        beams = points if viewpoints is None else points - viewpoints
+        """What is excluded, in words, with (N,) bool which of the points (N, 3) [m]; no comparison holds for NaN."""
         with np.errstate(invalid="ignore", over="ignore"):
+            beams = points if viewpoints is None else points - viewpoints
             squares = np.einsum("ij,ij->i", beams, beams)
         near = f"within {100 * self.min_range:g} cm of the sensor, which are no returns"
         excluded = [(near, squares <= self.min_range**2), (f"beyond {self.max_range:g} m", squares > self.max_range**2)]

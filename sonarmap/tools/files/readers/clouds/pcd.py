@@ -84,16 +84,13 @@ def _parse_header(text: bytes) -> _Header:
     points = _count(entries, "POINTS") if "POINTS" in entries else width * height
     if points != width * height:
         raise InputError(f"its PCD header says POINTS {points} and WIDTH x HEIGHT {width} x {height}; write it again")
-    pose = " ".join(entries.get("VIEWPOINT", [])) or _AT_ORIGIN
-    most, wanted = np.finfo(np.float64).max, f"a place and a quaternion, as in {_AT_ORIGIN}"
     return _Header(
         names=names,
         dtypes=[_dtype(kind, size) for kind, size in zip(kinds, sizes, strict=True)],
         counts=[_integer(count, "COUNT", least=1) for count in counts],
         points=points,
         lines=text.count(b"\n") + 1,
-        # PCL's sensor_origin; the orientation is not needed
-        viewpoint=_numbers(pose, 7, most, "VIEWPOINT", wanted)[:3],
+        viewpoint=_viewpoint(entries.get("VIEWPOINT") or _AT_ORIGIN.split()),
     )
 
 
@@ -115,15 +112,13 @@ def _dtype(kind: str, size: str) -> str:
     return f"<{kind.lower()}{size}"
 
 
-def _numbers(text: str, count: int, largest: float, what: str, wanted: str) -> np.ndarray:
-    """The numbers (count,) float64 of a line of the header."""
-    try:
-        numbers = np.array([float(word) for word in text.split()])
-    except ValueError:
-        numbers = np.empty(0)
-    if len(numbers) != count or not (np.abs(numbers) <= largest).all():  # NaN is refused too
-        raise InputError(f"its PCD header says {what} {rows.shown(text.encode())}; wanted {wanted}")
-    return numbers
+def _viewpoint(words: list[str]) -> np.ndarray:
+    """PCL's sensor_origin (3,) float64 [m] in the line VIEWPOINT; the orientation is not needed."""
+    numbers = np.array([float(word) if rows.is_number(word.encode()) else np.nan for word in words])
+    if len(numbers) != 7 or not np.isfinite(numbers).all():
+        given = rows.shown(" ".join(words).encode())
+        raise InputError(f"its PCD header says VIEWPOINT {given}; wanted a place and a quaternion, as in {_AT_ORIGIN}")
+    return numbers[:3]
 
 
 def _read_ascii(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
