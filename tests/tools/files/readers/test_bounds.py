@@ -58,6 +58,11 @@ def test_ranges_count_from_the_viewpoint_and_boxes_from_the_origin() -> None:
     ]
 
 
+def test_zeros_are_no_returns_from_another_viewpoint() -> None:
+    given = Cloud(np.vstack([np.zeros((5, 3)), SEEN]), viewpoints=np.tile([1.0, 2, 3], (405, 1)))
+    assert len(Corrections().scan(given, "a")[0].points) == 400
+
+
 def test_boxes_are_in_meters_forward_left_up() -> None:
     millimeters = Cloud(np.array([[1000.0, 500, 200], [1000, -500, 200]]))  # forward, right, down
     corrections = Corrections(frame=PointFrame("frd", "mm"), bounds=Bounds.of(None, None, [(0.5, -1, -1, 1.5, 0, 0)]))

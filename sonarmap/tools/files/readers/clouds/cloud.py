@@ -156,7 +156,8 @@ class Bounds:
             beams = points if viewpoints is None else points - viewpoints
             squares = np.einsum("ij,ij->i", beams, beams)
         near = f"within {100 * self.min_range:g} cm of the sensor, which are no returns"
-        excluded = [(near, squares <= self.min_range**2), (f"beyond {self.max_range:g} m", squares > self.max_range**2)]
+        at_sensor = (squares <= self.min_range**2) | ~points.any(axis=1)
+        excluded = [(near, at_sensor), (f"beyond {self.max_range:g} m", squares > self.max_range**2)]
         for box in self.boxes:
             low, high = np.sort(np.reshape(box, (2, 3)), axis=0)
             words = f"in the excluded box {','.join(f'{x:g}' for x in box)}"
@@ -192,8 +193,7 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float, bounds: Bounds = RETURN
     if cloud.strength is not None:
         strength, corrected = _usable_strength(cloud.strength[kept])
         if corrected:
-            words = "set {} strengths that are negative or not finite to 0"
-            notes.append(Note(words, corrected, len(strength)))
+            notes.append(Note("set {} strengths that are negative or not finite to 0", corrected, len(strength)))
     viewpoints = None if cloud.viewpoints is None else _usable_viewpoints(cloud.viewpoints[kept])
     times = _times_after(cloud, kept)
     return Scan(points.astype(np.float32), strength, stamp, cloud.prior, name, viewpoints, times), notes

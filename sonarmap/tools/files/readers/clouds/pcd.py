@@ -23,7 +23,7 @@ _VIEWPOINT_NOTE = (
     "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
     "sensor's own frame, set it to 0 0 0 1 0 0 0"
 )
-_AT_ORIGIN = "0 0 0 1 0 0 0"
+_AT_ORIGIN: str = "0 0 0 1 0 0 0"
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _LZF_RATIO = 88  # highest compression of LZF: a repetition of 264 bytes takes three
 
