@@ -19,7 +19,7 @@ from sonarmap.spectral.scan import Scan
 
 _EDGE = 64  # of a range image [cells], 3 degrees each
 _REACH = 2.5  # distance from the sensor at which a vehicle's own parts are [m]
-_MOST_SCANS = 256  # that are kept; of longer surveys every second, fourth, ... scan
+_MOST_SCANS = 128  # that are kept; of longer surveys every second, fourth, ... scan
 _MIN_SCANS = 8
 _SHARE = 0.8  # of the scans that see a part
 _STILL = (0.08, 0.02)  # largest spread of a part's ranges over the scans [m; share of the range]

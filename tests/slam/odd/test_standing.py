@@ -104,5 +104,5 @@ def test_nothing_is_claimed_of_few_scans_or_where_all_stands_still() -> None:
 
 def test_long_surveys_are_thinned() -> None:
     parts = found(SCENES["a rough bed"], count=600, share=0.3)
-    assert (parts.added, parts.step, len(parts.near)) == (600, 4, 150)
+    assert (parts.added, parts.step, len(parts.near)) == (600, 8, 75)
     assert len(parts.found()) == 2

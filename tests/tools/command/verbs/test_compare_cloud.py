@@ -6,6 +6,7 @@ import laspy
 import numpy as np
 import pytest
 import rasterio
+from scipy.spatial.transform import Rotation
 
 import sonarmap as library
 from sonarmap.tools.files.geo import Georeference
@@ -35,6 +36,19 @@ def test_a_cloud_and_a_map_on_the_earth_are_compared(placed: tuple[Path, Path], 
     np.testing.assert_allclose(corners, [theirs.xyz.min(axis=0)[:2], theirs.xyz.max(axis=0)[:2]], rtol=0, atol=2)
     back = printed(sonarmap("compare", folder, cloud, "-o", tmp_path, "--same-frame", "--json"))
     assert (back["new"], back["regions"], len(back["notes"])) == (str(cloud), [], 3)
+
+
+@pytest.mark.slow
+def test_a_map_and_its_own_points_in_another_frame_have_not_changed(tmp_path: Path) -> None:
+    done(sonarmap("simulate", "--scene", "harbor", "--scans", "12", "--seed", "4", "-q", "-o", tmp_path / "scans"))
+    options = ("--grid", "64", "--loops", "0", "--no-report")
+    done(sonarmap("map", tmp_path / "scans", "-o", tmp_path / "map", *options))
+    points = read_map_folder(tmp_path / "map").parts[0].points.astype(np.float64)
+    for turn in (0.0, 40.0):
+        moved = Rotation.from_euler("z", turn, degrees=True).apply(points) + np.full(3, 1000.0)
+        write_ply(tmp_path / "moved.ply", moved)
+        found = printed(sonarmap("compare", tmp_path / "map", tmp_path / "moved.ply", "-o", tmp_path / "out", "--json"))
+        assert found["regions"] == []
 
 
 def test_invalid_arguments_are_refused(placed: tuple[Path, Path], tmp_path: Path) -> None:
