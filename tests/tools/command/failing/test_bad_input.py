@@ -35,7 +35,7 @@ NOT_SCANS = {
     "no bytes": ("bad.ply", b"", ["bad.ply", "empty (0 bytes)"]),
     "one point": ("bad.ply", ply(1, np.ones((1, 3))), ["bad", "fill 1 of the voxels", "more structure"]),
     "one plane": ("bad.ply", ply(2000, plane()), ["bad", "in one plane", "more structure"]),
-    "nothing finite": ("bad.ply", ply(9, np.full((9, 3), np.nan)), ["bad.ply", "all of its 9 points are NaN"]),
+    "nothing finite": ("bad.ply", ply(9, np.full((9, 3), np.nan)), ["bad.ply", "dropped 9 of 9 points that are NaN"]),
     "more promised": ("bad.ply", ply(2001, plane()), ["bad.ply", "promises 2,001", "cut or its header is wrong"]),
     "text": ("bad.ply", b"These are notes.\n", ["bad.ply", "holds text", "wanted a PLY file"]),
     "unknown format": ("bad.e57", b"LASF", ["bad.e57", "unknown format '.e57'", ".ply, .pcd, .npy"]),

@@ -52,6 +52,7 @@ class TestRecording:
             "3 of 60 shots are missing by their numbers",
             "1 of 57 shots have no strength image",
             "the speed of sound changes once, between 1480.0 and 1485.5 m/s",
+            "dropped 139 of 34,315 points within 5 cm of the sensor, which are no returns",
         ]
         assert (found["bytes"], found["changed"]) == (dive.stat().st_size, 1_700_000_100)
 
@@ -62,7 +63,7 @@ class TestRecording:
 
     def test_sound_speed_and_range_scale_change_the_summary(self, dive: Path) -> None:
         plain, scaled = as_json(dive), as_json(dive, "--range-scale", 1.5)
-        np.testing.assert_allclose(scaled["extent_m"], 1.5 * np.array(plain["extent_m"]), rtol=1e-6)
+        np.testing.assert_allclose(scaled["extent_m"], 1.5 * np.array(plain["extent_m"]), rtol=1e-3)
         faster = as_json(dive, "--sound-speed", 1500)
         assert plain["farthest_m"] < faster["farthest_m"] < 1.02 * plain["farthest_m"]
 

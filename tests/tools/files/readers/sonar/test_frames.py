@@ -120,7 +120,7 @@ def test_a_frame_of_nan_leaves_a_gap(tmp_path):
     frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
     frames[1].image_pixel_scale = float("nan")
     path = put(tmp_path / "dive.sonar", b"".join(rip.packb(frame) for frame in frames))
-    refuses(r"dive\.sonar#1: all of its 12 points are NaN", read_scans, [path])
+    refuses(r"dive\.sonar#1: dropped 12 of 12 points that are NaN", read_scans, [path])
     read = read_survey([path])
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
     assert [scan.stamp - read.scans[0].stamp for scan in read.scans] == [0, 2]
