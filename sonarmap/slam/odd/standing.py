@@ -53,8 +53,10 @@ class StandingParts:
 
     def add(self, scan: Scan) -> None:
         self.added += 1
+        if (self.added - 1) % self.step:
+            return
         viewpoints = np.zeros((1, 3)) if scan.viewpoints is None else scan.viewpoints.astype(np.float64)
-        if (self.added - 1) % self.step or np.ptp(viewpoints, axis=0).any():
+        if np.ptp(viewpoints, axis=0).any():  # a sweep put together from several places
             return
         self.viewpoint = viewpoints[0]
         points = scan.points - self.viewpoint
