@@ -10,11 +10,8 @@ from sonarmap.spectral.scan import Scan
 
 # Possible sweeps [s]: in the water the shortest ping takes longer than a millisecond, and the next scan follows
 _SHORTEST_SWEEP, _LONGEST_SWEEP, _OVERLAP = 1e-3, 10.0, 1.2  # the longest where scans have no stamps; else [intervals]
-# Factor to seconds -> unit. Counts in messages are read as nanoseconds, and may be of longer units.
-_TIME_UNITS = {
-    1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds",
-    1e3: "microseconds", 1e6: "milliseconds",
-}  # fmt: skip
+# Factor to seconds -> unit. Large counts in messages are read as nanoseconds, and may be microseconds.
+_TIME_UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds", 1e3: "microseconds"}
 
 
 def span_of(scan: Scan | None) -> float:

@@ -64,16 +64,19 @@ def test_times_since_1970_in_any_unit(tmp_path: Path, unit: str) -> None:
     check_sweeps(survey(tmp_path, lambda phase, stamp: (stamp + SWEEP * phase) * UNITS[unit]))
 
 
+@pytest.mark.parametrize("unit", ["milliseconds", "microseconds"])
 @pytest.mark.parametrize("kind", ["f4", "u4"])
-def test_microseconds_of_a_message(tmp_path: Path, kind: str) -> None:
+def test_units_of_a_message(tmp_path: Path, kind: str, unit: str) -> None:
     """As drivers of lidars write them: 1e5 times the phase."""
     rng, names = np.random.default_rng(3), ("x", "y", "z", "time")
     fields = [(name, "f4" if name != "time" else kind, 4 * k) for k, name in enumerate(names)]
-    points = np.column_stack([rng.normal(0, 5, (300, 3)), 1e5 * np.linspace(0, 1, 300)]).astype(np.float32)
+    points = np.column_stack(
+        [rng.normal(0, 5, (300, 3)), np.floor(SWEEP * UNITS[unit] * np.linspace(0, 1, 300))]
+    ).astype(np.float32)
     stamps = START + INTERVAL * np.arange(5)
     records = [("/p", CLOUD, stamp, cloud(points, stamp, names=names, fields=fields, step=16)) for stamp in stamps]
-    notes = check_sweeps(write_mcap(tmp_path / "a.mcap", records), 5e-4)  # counts are read as nanoseconds
-    assert notes[0].startswith("the times of points are taken as microseconds, by which a sweep takes 0.")
+    notes = check_sweeps(write_mcap(tmp_path / "a.mcap", records), 1.01e-3)  # whole milliseconds
+    assert notes[0].startswith(f"the times of points are taken as {unit}, by which a sweep takes 0.1")
 
 
 def test_seconds_of_slow_sweeps_stay_seconds(tmp_path: Path) -> None:

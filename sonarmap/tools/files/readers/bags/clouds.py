@@ -149,10 +149,11 @@ def _require_room(packed: _Packed, layout: dict[str, tuple[str, int]]) -> None:
 
 
 def _seconds(times: np.ndarray, stamp: int) -> np.ndarray:
-    """Times (N,) float64 [s, UTC]; drivers count nanoseconds or seconds, since 1970 or since the message's stamp."""
+    """Times (N,) float64 [s, UTC]; drivers count nanoseconds or seconds, since 1970 or since the message's stamp. Small
+    integers may count milliseconds or microseconds, and are left as they are."""
     seconds = times.astype(np.float64)
     largest = np.abs(seconds[np.isfinite(seconds)]).max(initial=0)
-    if times.dtype.kind in "iu" or largest > _LARGEST_SECONDS:
+    if largest > (_SINCE_THE_STAMP if times.dtype.kind in "iu" else _LARGEST_SECONDS):
         seconds, largest = seconds * _SECONDS_PER_COUNT, largest * _SECONDS_PER_COUNT
     return seconds + stamp / 10**9 if largest < _SINCE_THE_STAMP else seconds
 
