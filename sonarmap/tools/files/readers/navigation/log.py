@@ -1,12 +1,8 @@
-"""Navigation logs: interpolation at the scans' stamps, scans by name, stamp or number, and detection of faulty rows.
-
-Faulty rows are recognized by the log alone: positions too far away to reach and return from in time, and times out of
-order. They are left out, and listed by their line numbers.
-"""
+"""Navigation logs: interpolation at the scans' stamps, and scans by name, stamp or number."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +11,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.csv_table import index_of, plain_text
 from sonarmap.tools.files.readers.file import FORMATS
+from sonarmap.tools.files.readers.instruments import COLUMNS
 
 # Columns that are measured together, at times of their own.
 _SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))
@@ -23,13 +20,15 @@ MOST_BETWEEN = 5.0  # [s], longest gap between two measurements that is interpol
 _SPEED = 1.0  # [m/s] of the vehicle, for the error of a fix that is assigned to the nearest scan
 SAME_STAMP = 1e-3  # [s]: files round stamps to different numbers of digits
 _SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IGNORECASE | re.DOTALL)
-# Kinds of measurements that are searched for faulty rows, and their columns.
-KINDS = {"position": np.array([3, 4]), "depth": np.array([5]), "heading": np.array([2])}
-_MIN_ROWS = 12  # of a kind, for its usual steps to be known
-_USUAL_QUANTILE = 0.95  # of the steps' speeds, is the usual speed
-_FASTER = 4.0  # times the usual speed is a jump
-_FEW = 0.1  # rows between two leaps are wrong if they are fewer than this share of all
-_TOO_FAR = "far from the rows around, farther than the vehicle gets in the time between"
+
+
+@dataclass(frozen=True, slots=True)
+class RowFault:
+    """A measurement, or a whole row, that was left out."""
+
+    line: int  # in the file
+    kind: str  # of measurements, or "time"
+    reason: str  # in words
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +44,15 @@ class NavigationLog:
     values: np.ndarray
     sigmas: np.ndarray  # (n, 6) float64 standard deviations in the same units; NaN where the file has none
     georeference: Georeference | None = None  # where the origin is on the Earth; None if unknown
+    faults: tuple[RowFault, ...] = ()  # measurements that were left out when it was read
+    cells: Mapping[str, Sequence[str]] = field(
+        default_factory=dict
+    )  # {column of COLUMNS: what the file has in the rows}
+
+    def text(self, row: int, column: int) -> str:
+        """A value as the file has it."""
+        cells = self.cells.get(COLUMNS[column])
+        return cells[row] if cells is not None else f"{self.values[row, column]:g}"
 
     @property
     def measured(self) -> np.ndarray:
@@ -160,90 +168,3 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
             f"{where}: no scan is called {cell[:60]!r}; wanted names as {scans[0].name!r}, or 0 to {len(scans) - 1}"
         )
     return index
-
-
-@dataclass(frozen=True, slots=True)
-class RowFault:
-    """A measurement, or a whole row, that was left out."""
-
-    line: int  # in the file
-    kind: str  # of KINDS, or "time"
-    reason: str  # in words
-
-
-def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[NavigationLog, list[RowFault]]:
-    """The log without faulty measurements, and these, ordered by line; a log whose rows have names is not changed.
-
-    Args:
-        log: rows with times.
-        fastest: largest speed of the vehicle [m/s].
-    """
-    if log.key != "stamp" or len(log.times) < _MIN_ROWS:
-        return log, []
-    values, faults = log.values.copy(), list[RowFault]()
-    for row in _out_of_order(log.times):
-        faults.append(RowFault(int(log.lines[row]), "time", "its time is out of order"))
-        values[row] = np.nan
-    for kind, columns in KINDS.items():
-        rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
-        rows = rows[np.argsort(log.times[rows], kind="stable")]
-        rows = rows[np.append(True, np.diff(log.times[rows]) > 0)] if len(rows) else rows
-        if len(rows) < _MIN_ROWS:
-            continue
-        series = values[np.ix_(rows, columns)]
-        if kind == "heading":
-            series = np.degrees(np.unwrap(np.radians(series), axis=0))
-        stated = log.sigmas[np.ix_(rows, columns)]
-        noise = float(np.median(stated)) if kind == "position" and np.isfinite(stated).all() else 0.0
-        most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
-        for row in rows[_leaps(log.times[rows], series, *most)].tolist():
-            faults.append(RowFault(int(log.lines[row]), kind, _TOO_FAR))
-            values[row, columns] = np.nan
-    return replace(log, values=values), sorted(faults, key=lambda fault: fault.line)
-
-
-def fault_notes(faults: Sequence[RowFault], listed: int = 5) -> list[str]:
-    """One sentence for each kind and reason, with the line numbers of the rows, at most `listed`."""
-    lines: dict[tuple[str, str], list[int]] = {}
-    for fault in faults:
-        lines.setdefault((fault.kind, fault.reason), []).append(fault.line)
-    notes = list[str]()
-    for (kind, reason), those in lines.items():
-        more = f" and {len(those) - listed} more" if len(those) > listed else ""
-        where = f"line{'s' if len(those) > 1 else ''} {', '.join(map(str, those[:listed]))}{more}"
-        what = "rows are" if kind == "time" else f"{kind}s are" if len(those) > 1 else f"{kind} is"
-        notes.append(f"{len(those)} {what} left out ({where}): {reason}")
-    return notes
-
-
-def _out_of_order(times: np.ndarray) -> list[int]:
-    """Rows whose time is not between those of their neighbors, although these are in order."""
-    before, own, behind = times[:-2], times[1:-1], times[2:]
-    return (1 + np.flatnonzero((before <= behind) & ((own < before) | (own > behind)))).tolist()
-
-
-def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) -> list[int]:
-    """Rows that the vehicle could not reach and return from in the time between rows."""
-    spans = np.diff(times)
-    steps = np.linalg.norm(np.diff(series, axis=0), axis=1)
-    usual = float(np.quantile(steps / spans, _USUAL_QUANTILE))
-    # the noise of two fixes adds to their step
-    most = np.minimum(_FASTER * usual, fastest + 4 * np.sqrt(2) * noise / spans)
-    cuts = np.flatnonzero(steps > most * spans)
-    if not len(cuts) or usual <= 0:
-        return []
-    pieces = np.split(np.arange(len(times)), cuts + 1)
-    long = [len(piece) >= max(2.0, _FEW * len(times)) for piece in pieces]
-
-    def reaches(a: int, b: int) -> bool:
-        return float(np.linalg.norm(series[b] - series[a])) <= most.min() * (times[b] - times[a])
-
-    faulty, before = list[int](), -1  # before: the last good row; -1 while there is none
-    for n, piece in enumerate(pieces):
-        behind = next((int(pieces[k][0]) for k in range(n + 1, len(pieces)) if long[k]), -1)
-        first, last = int(piece[0]), int(piece[-1])
-        if long[n] or (before >= 0 and behind >= 0 and reaches(before, first) and reaches(last, behind)):
-            before = last
-        elif before >= 0 and behind >= 0 and reaches(before, behind):
-            faulty += piece.tolist()
-    return faulty

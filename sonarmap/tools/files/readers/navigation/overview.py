@@ -23,8 +23,9 @@ from sonarmap.tools.files.readers.instruments import (
     values_of,
 )
 from sonarmap.tools.files.readers.navigation.columns import MEASURED, PAIRS, Columns, columns_of
+from sonarmap.tools.files.readers.navigation.faults import usable_rows
 from sonarmap.tools.files.readers.navigation.headings import SOURCES, column_of
-from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans, usable_rows
+from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans
 from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
 from sonarmap.tools.files.readers.navigation.recorded import read_recorded_navigation
 from sonarmap.tools.files.readers.navigation.settings import (
@@ -160,7 +161,7 @@ def log_overview(path: Path, settings: NavigationSettings, stamps: np.ndarray) -
     notes: list[str] = []
     log = read_navigation(path, settings, None, stamps, notes)
     log = replace(log, times=log.times + settings.offset)
-    usable, faults = usable_rows(log, settings.fastest)
+    usable, faults = usable_rows(log, settings.fastest, stamps)
     is_series, covered, apart = log.key == "stamp", dict[str, int](), ""
     if is_series and len(stamps):
         values, _ = at_scans(stamps, usable.times, usable.values, usable.sigmas)

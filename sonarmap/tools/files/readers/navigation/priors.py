@@ -16,14 +16,8 @@ from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.columns import some
-from sonarmap.tools.files.readers.navigation.log import (
-    SAME_STAMP,
-    NavigationLog,
-    at_scans,
-    fault_notes,
-    find_scan,
-    usable_rows,
-)
+from sonarmap.tools.files.readers.navigation.faults import fault_notes, usable_rows
+from sonarmap.tools.files.readers.navigation.log import SAME_STAMP, NavigationLog, at_scans, find_scan
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, by_the_maps_north, grid_of
 from sonarmap.tools.files.readers.navigation.why_apart import why_apart
@@ -104,9 +98,9 @@ def _of_scans(
     defaults = [settings.sigmas.get(column, np.nan) for column in COLUMNS]
     sigmas = np.where(np.isnan(log.sigmas), defaults, log.sigmas)
     log = replace(log, sigmas=sigmas, times=log.times + settings.offset)
+    log, faults = usable_rows(log, settings.fastest, stamps)
+    notes += [f"{path}: {note}" for note in fault_notes(faults)]
     if log.key == "stamp" and _is_series(stamps, log):
-        log, faults = usable_rows(log, settings.fastest)
-        notes += [f"{path}: {note}" for note in fault_notes(faults)]
         priors = _from_series(path, log, stamps, notes)
     else:
         priors = _from_rows(scans, path, log, allow_unknown)

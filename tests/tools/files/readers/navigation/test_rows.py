@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.tools.files.readers.navigation.log import NavigationLog, fault_notes, usable_rows
+from sonarmap.tools.files.readers.navigation.faults import fault_notes, usable_rows
+from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from tests.tools.files.readers.navigation.logs import START, read, require_words, scans_at
 
 

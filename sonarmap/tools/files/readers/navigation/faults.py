@@ -1,0 +1,217 @@
+"""Rows of a navigation log that cannot be right, recognized by the log alone, and left out with their line numbers.
+
+Between two rows a vehicle moves about as fast as it usually does around them. A log is divided where it moves faster;
+the pieces that are kept are the chain that the vehicle could pass through, with the least evidence left out. A value
+that is repeated exactly, as -9999, is evidence once, so that a constant is left out however many rows hold it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault
+
+# Kinds of measurements: their columns, and a speed that is never a jump [m/s or degrees/s]
+_KINDS = {
+    "position": (np.array([3, 4]), 1.0),
+    "depth": (np.array([5]), 0.5),
+    "heading": (np.array([2]), 60.0),
+    "attitude": (np.array([0, 1]), 20.0),
+}
+_MIN_ROWS = 12  # of a kind, for its usual steps to be known
+_CANDIDATES = 8  # most distant and most frequent values that may be impossible constants
+_LEAST_QUANTILE = 0.25  # of the steps between other values: half of these values may be wrong too
+_FARTHER = 25.0  # times that quantile is an impossible step
+_NEAR = 5  # steps before and after a run; the second smallest is
+_FARTHER_AROUND = 10.0  # times smaller than an impossible one
+_IMPOSSIBLE = 10.0  # times the speed that is never a jump is always one
+_ALONE = 8.0  # times the 75 % quantile of the speed to the nearer neighbor: alone
+_USUAL_QUANTILE = 0.95  # of the steps' speeds, is the usual speed
+_WINDOW = 11  # steps, of which the median is the usual speed there
+_FASTER = 4.0  # times the usual speed is a jump
+_FEW, _MOST_FEW = 0.1, 30  # share of all rows, and number of rows between two jumps, that may be wrong
+_LOOK_BACK = 1000  # pieces that are left out in a row at most
+_TOO_FAR = "far from the rows around, farther than the vehicle gets in the time between"
+_YEAR = 365.25 * 86_400.0  # [s]: rows farther apart are of different clocks
+
+
+def usable_rows(
+    log: NavigationLog, fastest: float = np.inf, stamps: np.ndarray | None = None
+) -> tuple[NavigationLog, list[RowFault]]:
+    """The log without faulty measurements, and these, ordered by line; a log whose rows have names is not changed.
+
+    Args:
+        log: rows with times.
+        fastest: largest speed of the vehicle [m/s].
+        stamps: (N,) stamps of the scans, by which one of two clocks is chosen; None if there are none.
+    """
+    faults = list(log.faults)
+    if log.key != "stamp" or len(log.times) < _MIN_ROWS:
+        return log, faults
+    values = log.values.copy()
+    for row, reason in _wrong_times(log.times, np.zeros(0) if stamps is None else stamps):
+        faults.append(RowFault(int(log.lines[row]), "time", reason))
+        values[row] = np.nan
+    for kind, (columns, slow) in _KINDS.items():
+        rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
+        rows = rows[np.argsort(log.times[rows], kind="stable")]
+        rows = rows[np.append(True, np.diff(log.times[rows]) > 0)] if len(rows) else rows
+        if len(rows) < _MIN_ROWS:
+            continue
+        impossible = np.any([_constants(log.times[rows], values[rows, k], slow) for k in columns], axis=0)
+        faults += _named(log, kind, columns, rows[impossible])
+        values[np.ix_(rows[impossible], columns)] = np.nan
+        rows = rows[~impossible]
+        series = values[np.ix_(rows, columns)]
+        if kind == "heading":
+            series = np.degrees(np.unwrap(np.radians(series), axis=0))
+        stated = log.sigmas[np.ix_(rows, columns)]
+        noise = float(np.median(stated)) if np.isfinite(stated).all() else 0.0
+        most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
+        wrong = rows[_leaps(log.times[rows], series, slow, *most)]
+        faults += _named(log, kind, columns, wrong)
+        values[np.ix_(wrong, columns)] = np.nan
+    return replace(log, values=values), sorted(faults, key=lambda fault: fault.line)
+
+
+def _named(log: NavigationLog, kind: str, columns: np.ndarray, rows: np.ndarray) -> list[RowFault]:
+    """The faults of rows; those with a repeated value name it."""
+    texts = [", ".join(log.text(row, k) for k in columns.tolist()) for row in rows.tolist()]
+    lines = log.lines[rows].tolist()
+    repeated = {text for text in texts if texts.count(text) > 1} if len(set(texts)) < len(texts) else set[str]()
+    return [
+        RowFault(line, kind, f"{text}, {_TOO_FAR}" if text in repeated else _TOO_FAR)
+        for line, text in zip(lines, texts, strict=True)
+    ]
+
+
+def fault_notes(faults: Sequence[RowFault], listed: int = 5) -> list[str]:
+    """One sentence for each kind and reason, with the line numbers of the rows, at most `listed`."""
+    lines: dict[tuple[str, str], list[int]] = {}
+    for fault in faults:
+        lines.setdefault((fault.kind, fault.reason), []).append(fault.line)
+    notes = list[str]()
+    for (kind, reason), those in lines.items():
+        more = f" and {len(those) - listed} more" if len(those) > listed else ""
+        where = f"line{'s' if len(those) > 1 else ''} {', '.join(map(str, those[:listed]))}{more}"
+        what = "rows are" if kind == "time" else f"{kind}s are" if len(those) > 1 else f"{kind} is"
+        notes.append(f"{len(those)} {what} left out ({where}): {reason}")
+    return notes
+
+
+def _wrong_times(times: np.ndarray, stamps: np.ndarray) -> list[tuple[int, str]]:
+    """Rows of another clock, years from the others, and rows whose time is not between those of their neighbors,
+    although these are in order."""
+    order = np.argsort(times, kind="stable")
+    clocks = np.split(order, 1 + np.flatnonzero(np.diff(times[order]) > _YEAR))
+    middle = float(np.median(stamps)) if len(stamps) else np.nan
+    kept = max(clocks, key=lambda rows: (abs(times[rows[0]] - middle) < _YEAR, len(rows)))
+    wrong = list[tuple[int, str]]()
+    for rows in clocks:
+        years = float(np.median(times[rows]) - np.median(times[kept])) / _YEAR
+        if rows is not kept:
+            side = "after" if years > 0 else "before"
+            wrong += [
+                (row, f"the time is {abs(years):.1f} years {side} that of the other rows") for row in rows.tolist()
+            ]
+    rows = np.sort(kept)
+    before, own, behind = times[rows[:-2]], times[rows[1:-1]], times[rows[2:]]
+    misplaced = rows[1:-1][(before <= behind) & ((own < before) | (own > behind))]
+    return wrong + [(row, "its time is out of order") for row in misplaced.tolist()]
+
+
+def _constants(times: np.ndarray, column: np.ndarray, slow: float) -> np.ndarray:
+    """(n,) bool: rows of `column` (n,) with a value that no instrument measured, as -9999: far from the rows before and
+    after, or farther from all others than they are from one another. It may be that of half of the rows."""
+    wrong = np.zeros(len(column), bool)
+    while (~wrong).sum() > _MIN_ROWS:
+        rows = np.flatnonzero(~wrong)
+        if not (np.abs(np.diff(column[rows])) > slow * np.diff(times[rows])).any():
+            break
+        values, counts = np.unique(column[rows], return_counts=True)
+        distant = np.argsort(-np.abs(values - np.median(column[rows])), kind="stable")
+        frequent = np.argsort(-counts, kind="stable")[:_CANDIDATES]
+        for k in [distant[0], *distant[counts[distant] > 1][:_CANDIDATES], *frequent[counts[frequent] > 1]]:
+            far = rows[_far(times[rows], column[rows], values[k], slow)]
+            if 0 < len(far) <= len(column) / 2:
+                wrong[far] = True
+                break
+        else:
+            break
+    return wrong
+
+
+def _far(times: np.ndarray, column: np.ndarray, value: float, slow: float) -> np.ndarray:
+    """(n,) bool: the rows with a value that are far from the rows around them, if these are more."""
+    is_value = column == value
+    others = np.flatnonzero(~is_value)
+    if len(others) < _MIN_ROWS:
+        return np.zeros(len(column), bool)
+    steps = np.abs(np.diff(column[others]))
+    usual = float(np.quantile(steps[steps > 0], _LEAST_QUANTILE)) if (steps > 0).any() else 0.0
+    first = np.flatnonzero(is_value & ~np.append(False, is_value[:-1]))  # of each run
+    last = np.flatnonzero(is_value & ~np.append(is_value[1:], False))
+    after = np.searchsorted(others, first)  # the row of the others behind a run
+    jump, around, speed = np.full((3, len(first)), np.inf)  # to the nearer neighbor
+    padded = np.concatenate([np.full(_NEAR, np.inf), steps, np.full(_NEAR, np.inf)])
+    for has, row, end, own in (
+        (after > 0, others[np.maximum(after - 1, 0)], after - 1, first),
+        (after < len(others), others[np.minimum(after, len(others) - 1)], after + _NEAR, last),
+    ):
+        way, span = np.abs(column[row] - value), np.abs(times[row] - times[own])
+        jump = np.where(has, np.minimum(jump, way - slow * span), jump)
+        speed = np.where(has, np.minimum(speed, way / np.maximum(span, 1e-9)), speed)
+        side = np.sort(padded[np.clip(end[:, None] + np.arange(_NEAR), 0, len(padded) - 1)], axis=1)[:, 1]
+        around = np.where(has, np.minimum(around, side), around)
+    is_impossible = (jump > 0) & (speed > _IMPOSSIBLE * slow)
+    unusual = np.maximum(_FARTHER * usual, _FARTHER_AROUND * np.where(np.isfinite(around), around, 0))
+    far = is_impossible | ((jump > unusual) & (after > 0) & (after < len(others)))
+    between = np.diff(np.concatenate([[0], after, [len(others)]]))  # rows of others before and after each run
+    beside = np.sort(between[np.append(far, False) | np.append(False, far)])
+    fewer = (last - first + 1)[far].sum() < beside[: -1 if far.sum() > 2 else None].sum()
+    alone = np.abs(column[others] - value).min() > np.ptp(column[others])
+    far = (jump > 0) if alone else far & fewer
+    chosen = np.zeros(len(column), bool)
+    chosen[is_value] = np.repeat(far, last - first + 1)
+    return chosen
+
+
+def _leaps(times: np.ndarray, series: np.ndarray, slow: float, fastest: float, noise: float) -> np.ndarray:
+    """(n,) bool: rows that the vehicle could not reach and return from in the time between rows."""
+    spans = np.diff(times)
+    speeds = np.linalg.norm(np.diff(series, axis=0), axis=1) / spans
+    alone = np.minimum(np.append(np.inf, speeds), np.append(speeds, np.inf))  # to the nearer of both neighbors
+    calm = np.flatnonzero(alone <= max(_ALONE * float(np.quantile(alone, 0.75)), slow))
+    steady = np.linalg.norm(np.diff(series[calm], axis=0), axis=1) / np.diff(times[calm])
+    usual = np.maximum(np.quantile(steady, _USUAL_QUANTILE), median_filter(speeds, _WINDOW, mode="mirror"))
+    # the noise of two fixes adds to their step
+    most = np.minimum(np.maximum(_FASTER * usual, slow), fastest + 4 * np.sqrt(2) * noise / spans)
+    first = np.append(0, 1 + np.flatnonzero(speeds > most))
+    kept = _chain(times, series, first, np.append(most, most[-1:]))
+    return np.repeat(~kept, np.diff(np.append(first, len(times))))
+
+
+def _chain(times: np.ndarray, series: np.ndarray, first: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """(P,) bool: pieces of a series, which begin at the rows `first`, to keep. Pieces in between are left out only if
+    the vehicle gets from the one before to the one behind at the speeds `most` (n,). Each row that is left out costs 1,
+    and each jump between neighboring pieces half of the longest run that may be left out."""
+    last = np.append(first[1:], len(times)) - 1
+    jump = max(1.0, min(_FEW * len(times), _MOST_FEW) / 2)
+    before, cost = np.full(len(first), -1), np.zeros(len(first))
+    for p in range(1, len(first)):
+        q = np.arange(max(0, p - _LOOK_BACK), p)
+        spans, ways = times[first[p]] - times[last[q]], np.linalg.norm(series[first[p]] - series[last[q]], axis=1)
+        reached = ways <= np.minimum(most[last[q]], most[first[p]]) * spans
+        costs = np.where(reached, cost[q] + first[p] - last[q] - 1, np.inf)
+        costs[-1] = cost[p - 1] + jump
+        before[p], cost[p] = q[np.argmin(costs)], costs.min()
+        if first[p] == 1 and cost[p] > 1:  # the first row alone
+            before[p], cost[p] = -1, 1.0
+    kept, p = np.zeros(len(first), bool), len(first) - 1
+    if p > 0 and first[p] == last[p] and cost[p] > cost[p - 1] + 1:  # the last row alone
+        p -= 1
+    while p >= 0:
+        kept[p], p = True, int(before[p])
+    return kept
