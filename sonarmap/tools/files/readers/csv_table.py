@@ -84,8 +84,9 @@ class CsvTable:
 
 
 def read_csv_table(path: Path) -> CsvTable:
-    """Read the table of a file, without blank rows and lines that begin with #. The separator is the most frequent of
-    comma, semicolon and tab in the heading; with the latter two a decimal comma becomes a point."""
+    """Read the table of a file, without blank rows and lines that begin with #, unless the heading does. The separator
+    is the most frequent of comma, semicolon and tab in the heading; with the latter two a decimal comma becomes a
+    point."""
     lines, whole = _lines(path)
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted a heading and rows")
@@ -105,15 +106,28 @@ def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
         except UnicodeDecodeError as error:
             raise InputError(f"{path} begins as UTF-16 but is not: {error}; save it as CSV in UTF-8") from error
     content = content.removeprefix(codecs.BOM_UTF8)
-    lines = []
+    lines, comment = list[tuple[int, str]](), (0, "")
     for number, line in enumerate(content.splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith(b"#"):
+        if not line.strip():
             continue
         try:
-            lines.append((number, line.decode()))
+            text = line.decode("utf-8", "replace" if line.lstrip().startswith(b"#") else "strict")
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: line {number} is not a CSV line in UTF-8: {error}") from error
+        if text.lstrip().startswith("#"):
+            comment = (number, text.strip("# \t"))
+            continue
+        if not lines and _heads(comment[1], text):
+            lines.append(comment)
+        lines.append((number, text))
     return lines, not content or content.endswith((b"\n", b"\r"))
+
+
+def _heads(comment: str, line: str) -> bool:
+    """Whether a comment has the names of the columns of numbers below it, as in EuRoC files."""
+    separator = max(SEPARATORS, key=comment.count)
+    cells = line.split(separator)
+    return comment.count(separator) + 1 == len(cells) > 1 and all(np.isfinite(number(cell)) for cell in cells)
 
 
 def _row(path: Path, number: int, line: str, separator: str) -> CsvRow:

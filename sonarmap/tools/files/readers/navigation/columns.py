@@ -10,6 +10,7 @@ from sonarmap.tools.files.readers.navigation.headings import (
     KEYS,
     OWN,
     QUANTITIES,
+    QUATERNION,
     SOURCES,
     Column,
     column_of,
@@ -19,6 +20,7 @@ from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
 PLACES = (("lat_deg", "lon_deg"), ("easting_m", "northing_m"), ("x_m", "y_m"))
 MEASURED = tuple(name for name in QUANTITIES if name not in ("name", "stamp", "date", "gps_week", *SIGMA_COLUMNS))
+_LISTED = 12  # columns that a note names
 _MISSPELLED = 0.85  # similarity of rol_deg and roll_deg
 
 
@@ -47,12 +49,17 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     taken = {column.index for column in mapped.values()}
     read = (column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading)
     known = [column for column in read if column is not None and column.quantity not in mapped]
+    if any(column.heading.endswith("header.stamp") for column in known):
+        known = [column for column in known if column.heading != "%time"]  # when rosbag recorded the message
     is_own = not mapped and all(column.is_own for column in known)
     _refuse_misspelled(header, known, mapped, is_own)
     of = {**_each_once(known, is_own), **mapped}
     _choose_heading(of, settings, notes)
     _choose_depth(of, settings)
     _choose_place(of, settings, mapped, notes)
+    if not set(QUATERNION) <= of.keys() or {"roll_deg", "heading_deg", "yaw_deg"} & of.keys():
+        for name in QUATERNION:
+            of.pop(name, None)
     _check_keys(of, is_own, header)
     for lone, other in () if is_own else (PAIRS[0], PAIRS[0][::-1]):  # in a log roll without pitch is left out
         if lone in of and other not in of:
@@ -61,7 +68,8 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     used = {column.index for column in of.values()}
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
     if left and not (is_own and left == ["stamp"]):  # `inspect --template` writes it beside the name, which counts
-        notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
+        more = f" and {len(left) - _LISTED} more" if len(left) > _LISTED else ""
+        notes.append(f"not used: the columns {', '.join(map(repr, left[:_LISTED]))}{more}")
     return Columns(of, is_own, tuple(notes))
 
 

@@ -20,7 +20,7 @@ _KINDS = {
     "heading": (np.array([2]), 60.0),
     "attitude": (np.array([0, 1]), 20.0),
 }
-_MIN_ROWS = 12  # of a kind, for its usual steps to be known
+MIN_ROWS = 12  # of a kind, for its usual steps to be known
 _CANDIDATES = 8  # most distant and most frequent values that may be impossible constants
 _LEAST_QUANTILE = 0.25  # of the steps between other values: half of these values may be wrong too
 _FARTHER = 25.0  # times that quantile is an impossible step
@@ -48,7 +48,7 @@ def usable_rows(
         stamps: (N,) stamps of the scans, by which one of two clocks is chosen; None if there are none.
     """
     faults = list(log.faults)
-    if log.key != "stamp" or len(log.times) < _MIN_ROWS:
+    if log.key != "stamp" or len(log.times) < MIN_ROWS:
         return log, faults
     values = log.values.copy()
     for row, reason in _wrong_times(log.times, np.zeros(0) if stamps is None else stamps):
@@ -58,7 +58,7 @@ def usable_rows(
         rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         rows = rows[np.argsort(log.times[rows], kind="stable")]
         rows = rows[np.append(True, np.diff(log.times[rows]) > 0)] if len(rows) else rows
-        if len(rows) < _MIN_ROWS:
+        if len(rows) < MIN_ROWS:
             continue
         impossible = np.any([_constants(log.times[rows], values[rows, k], slow) for k in columns], axis=0)
         faults += _named(log, kind, columns, rows[impossible])
@@ -126,7 +126,7 @@ def _constants(times: np.ndarray, column: np.ndarray, slow: float) -> np.ndarray
     """(n,) bool: rows of `column` (n,) with a value that no instrument measured, as -9999: far from the rows before and
     after, or farther from all others than they are from one another. It may be that of half of the rows."""
     wrong = np.zeros(len(column), bool)
-    while (~wrong).sum() > _MIN_ROWS:
+    while (~wrong).sum() > MIN_ROWS:
         rows = np.flatnonzero(~wrong)
         if not (np.abs(np.diff(column[rows])) > slow * np.diff(times[rows])).any():
             break
@@ -147,7 +147,7 @@ def _far(times: np.ndarray, column: np.ndarray, value: float, slow: float) -> np
     """(n,) bool: the rows with a value that are far from the rows around them, if these are more."""
     is_value = column == value
     others = np.flatnonzero(~is_value)
-    if len(others) < _MIN_ROWS:
+    if len(others) < MIN_ROWS:
         return np.zeros(len(column), bool)
     steps = np.abs(np.diff(column[others]))
     usual = float(np.quantile(steps[steps > 0], _LEAST_QUANTILE)) if (steps > 0).any() else 0.0

@@ -25,9 +25,13 @@ SYNONYMS = {
     "heading_deg": "heading hdg hdt trueheading headingtrue gyro gyroheading kurs steuerkurs cap",
     "magnetic_deg": "magneticheading headingmagnetic magheading headingmag hdm hdgmag compassheading",
     "yaw_deg": "yaw yawangle gieren gierwinkel lacet",
-    "x_m": "x posx xpos positionx xposition",
-    "y_m": "y posy ypos positiony yposition",
-    "z_m": "z posz zpos positionz zposition",
+    "x_m": "x posx xpos positionx xposition tx px prsrx",
+    "y_m": "y posy ypos positiony yposition ty py prsry",
+    "z_m": "z posz zpos positionz zposition tz pz prsrz",
+    "qw": "qw orientationw rotationw quaternionw quatw qrsw",
+    "qx": "qx orientationx rotationx quaternionx quatx qrsx",
+    "qy": "qy orientationy rotationy quaterniony quaty qrsy",
+    "qz": "qz orientationz rotationz quaternionz quatz qrsz",
     "depth_m": "depth dpt vehicledepth rovdepth auvdepth sensordepth sonardepth tiefe profondeur immersion",
     "height_m": "",
     "lat_deg": "lat latitude gpslat gpslatitude breite breitengrad",
@@ -39,20 +43,22 @@ QUANTITIES = (*SYNONYMS, *SIGMA_COLUMNS)
 GPS_NAMES = frozenset(["gpstime", "gpsseconds", "gpstow", "tow", "timeofweek", "secondsofweek", "sow"])
 # Quantities from which each of COLUMNS may be computed
 SOURCES = (
-    ("roll_deg",),
-    ("pitch_deg",),
-    ("heading_deg", "yaw_deg"),
+    ("roll_deg", "qw"),
+    ("pitch_deg", "qw"),
+    ("heading_deg", "yaw_deg", "qw"),
     ("x_m", "lon_deg", "easting_m"),
     ("y_m", "lat_deg", "northing_m"),
     ("depth_m", "z_m", "height_m"),
 )
+QUATERNION = ("qx", "qy", "qz", "qw")
 _SIGMA_OF = {name: sigma for names, sigma in zip(SOURCES, SIGMA_COLUMNS, strict=True) for name in names}
 _SIGMA_OF["magnetic_deg"] = _SIGMA_OF["heading_deg"]
 _QUANTITY_OF = {synonym: quantity for quantity, synonyms in SYNONYMS.items() for synonym in synonyms.split()}
-# Words of instruments, which a heading may have beside the quantity, as in USBL Easting
+# Words of instruments and ROS messages, which a heading may have beside the quantity, as in USBL Easting
 _INSTRUMENT_WORDS = (
     "rtk ppk rtkfloat dgps dgnss sbas egnos waas gnss gps usbl ssbl hipap lbl gyro gyrocompass fog hdt compass "
-    "magnetic mag hdm fluxgate mru vru ahrs imu pressure ctd digiquartz paros"
+    "magnetic mag hdm fluxgate mru vru ahrs imu pressure ctd digiquartz paros "
+    "field header pose point transform translation"
 )
 _SIGMA_WORDS = frozenset(("sigma", "std", "stddev", "stdev", "sd"))
 _ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degre", "degres"), 1.0)
@@ -108,6 +114,10 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
             return None
         known = _SIGMA_OF[known]
     return Column(index, heading, known, _factor(heading, known, unit), word, unit)
+
+
+def is_unit(text: str) -> bool:
+    return any(text.strip("()[] ").lower() in units for units in _UNITS.values())
 
 
 def _plain(heading: str) -> str:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -14,11 +15,13 @@ from sonarmap.tools.files.readers.file import FORMATS
 from sonarmap.tools.files.readers.instruments import COLUMNS
 
 # Columns that are measured together, at times of their own.
-_SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))
+SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))
 _HEADING = 2
 MOST_BETWEEN = 5.0  # [s], longest gap between two measurements that is interpolated
 _SPEED = 1.0  # [m/s] of the vehicle, for the error of a fix that is assigned to the nearest scan
 SAME_STAMP = 1e-3  # [s]: files round stamps to different numbers of digits
+_LEAST_APART = 1.0  # [m] between two receivers
+_STEADIER = 4.0  # times nearer to every second position than to the next: two receivers
 _SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IGNORECASE | re.DOTALL)
 
 
@@ -76,7 +79,7 @@ def at_scans(
     steps = np.diff(np.unique(stamps))
     apart = float(np.median(steps)) if len(steps) else 0.0
     known, deviations = np.full((len(stamps), 6), np.nan), np.full((len(stamps), 6), np.inf)
-    for columns in _SERIES:
+    for columns in SERIES:
         rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         if not len(rows):
             continue
@@ -168,3 +171,21 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
             f"{where}: no scan is called {cell[:60]!r}; wanted names as {scans[0].name!r}, or 0 to {len(scans) - 1}"
         )
     return index
+
+
+def refuse_alternating(path: Path, times: np.ndarray, places: np.ndarray, lines: np.ndarray) -> None:
+    """Refuse positions (n, 2) [m] that alternate between those of two receivers; NaN where there is none."""
+    rows = np.flatnonzero(np.isfinite(places).all(axis=1))
+    rows = rows[np.argsort(times[rows], kind="stable")]
+    if len(rows) < 12:
+        return
+    next_off, second_off = (
+        float(np.median(np.linalg.norm(series[lag:-lag] - (series[: -2 * lag] + series[2 * lag :]) / 2, axis=1)))
+        for series in (places[rows],)
+        for lag in (1, 2)
+    )
+    if next_off > max(_LEAST_APART, _STEADIER * second_off):
+        raise InputError(
+            f"{path}: its positions alternate between two places {next_off:.1f} m apart, as those of two receivers do; "
+            f"delete those of one, in lines {', '.join(map(str, lines[rows[1:6:2]]))} and so on"
+        )

@@ -1,241 +1,333 @@
-"""NMEA 0183 sentences: positions of GGA and RMC, headings of HDT and THS, dates of RMC and ZDA.
+"""NMEA 0183 sentences: positions, headings and attitude, and the strings of TSS1 motion sensors among them.
 
-Other sentences, and text before the $ of a line, as a logger's time, are ignored. The first two letters of a sentence
-name its talker: a receiver, a gyrocompass, the navigation of a vehicle beside a ship.
+Text before the $ of a line, as a logger's time, is ignored. The first two letters of a sentence name its talker: a
+receiver, a gyrocompass, the navigation of a vehicle beside a ship.
 """
 
 import re
-from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import reduce
-from itertools import chain, combinations
+from itertools import combinations
 from operator import xor
 from pathlib import Path
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.navigation.log import MOST_BETWEEN, NavigationLog, at_scans
-from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, local_places
+from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF
+from sonarmap.tools.files.readers.navigation.log import (
+    MOST_BETWEEN,
+    SERIES,
+    NavigationLog,
+    at_scans,
+    refuse_alternating,
+)
+from sonarmap.tools.files.readers.navigation.settings import OF_TABLES, NavigationSettings, local_places
 from sonarmap.tools.files.readers.navigation.times import DAY, dated, time_of_day
 from sonarmap.tools.files.user_file import naming, reading
 
-SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{2})")
-_STARTS = re.compile(r"\$[A-Z]{5},")
+_SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z0-9]{2,5})((?:,[^,*$\r\n]*)*)(\*[0-9A-Fa-f]{2})?")
+_TSS1 = re.compile(r":[0-9A-F]{6} [- ]?\d{4,5}([UuGgHhFf])([- +]?\d{4,5}) ?([- +]?\d{4,5})")
 _COUNTER = re.compile(r"(\d{2,3})(\d\d(?:\.\d*)?)")  # degrees and minutes
-_USED = ("GGA", "RMC", "HDT", "THS", "ZDA")
-# Kind of a fix by the quality of GGA or the mode of RMC; others are GNSS
-_KINDS = {"2": "DGNSS", "4": "RTK", "5": "floating RTK", "D": "DGNSS", "R": "RTK", "F": "floating RTK"}
-# Standard deviations by these kinds [m], and of the headings of a gyrocompass [deg]; from data sheets, rather too large
-_SIGMAS = {"GNSS": 3.0, "DGNSS": 1.5, "RTK": 0.05, "floating RTK": 0.5}
-_SIGMA_HEADING = 1.0
+# The fields of each sentence in their order. Of a position, a heading or an attitude at one time the first is used.
+_FIELDS = {
+    "GGA": "time lat lat_half lon lon_half quality",
+    "GNS": "time lat lat_half lon lon_half quality",
+    "RMC": "time status lat lat_half lon lon_half - - date variation variation_half quality",
+    "GLL": "lat lat_half lon lon_half time status quality",
+    "ZDA": "time day month year",
+    "PASHR": "time heading - roll pitch - roll_sigma pitch_sigma heading_sigma",
+    "HDT": "heading",
+    "THS": "heading status",
+    "PRDID": "pitch roll heading",
+    "HDG": "magnetic deviation deviation_half variation variation_half",
+    "HDM": "magnetic",
+    "TSS1": "status roll pitch",
+}
+_NOT_USED = dict.fromkeys(("DBT", "DPT", "DBS", "DBK"), " (water below the transducer, not the sonar's depth)")
+_MAGNETIC = " (magnetic; give --magnetic-declination)"
+# Kind of a fix by the quality of GGA or the mode of other sentences, best first
+_KINDS = {"4": "RTK", "R": "RTK", "5": "floating RTK", "F": "floating RTK", "2": "DGNSS", "D": "DGNSS"}
 # Positions that no receiver measured, by the same
 _NO_FIX = {"6": "estimated", "7": "manual", "8": "simulated", "E": "estimated", "M": "manual", "S": "simulated"}
+# Standard deviations by the kind of a fix [m], and those of angles [deg] in words; from data sheets, rather too large
+_SIGMAS = {"GNSS": 3.0, "DGNSS": 1.5, "RTK": 0.05, "floating RTK": 0.5}
+_SIGMAS_OF = {
+    "heading": (1.0, "heading 1 degrees (gyrocompass)"),
+    "roll": (0.5, "roll and pitch 0.5 degrees"),
+    "pitch": (0.5, "roll and pitch 0.5 degrees"),
+}
+_MAGNETIC_SIGMA = (3.0, "heading 3 degrees (magnetic)")
 _DEGREE = 111_195.0  # meters of latitude, on a sphere
 _CONTRADICTED = 3.0  # [sigmas]: talkers whose median difference is larger are on different vehicles
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Measurement:
-    """The position or the heading in a sentence."""
+    """What a sentence measured."""
 
     line: int
     talker: str
-    sentence: str  # the three letters after the talker
-    values: tuple[float, float, float]  # heading, longitude, latitude [deg]; NaN if not in the sentence
-    kind: str = ""  # of a fix, a key of _SIGMAS; "" for a heading
-
-
-_Row = tuple[_Measurement, float]  # and its time [s, UTC]
+    sentence: str  # a key of _FIELDS
+    kind: str  # of a fix, a key of _SIGMAS; "" for others
+    values: np.ndarray  # (6,) in the order of COLUMNS, with longitude and latitude [deg] for x and y
+    sigmas: np.ndarray  # (6,) in the same units, but meters of positions; NaN where not measured
 
 
 @dataclass(slots=True)
 class _Sentences:
     """The sentences that were read."""
 
-    talkers: tuple[str, ...]  # that are used; empty for all
+    settings: NavigationSettings
     timed: list[tuple[int, float, float]] = field(default_factory=list)  # line, second of the day, Unix day or NaN
     measurements: list[_Measurement] = field(default_factory=list)
     unused: Counter[str] = field(default_factory=Counter)  # by sentence
+    assumed: set[str] = field(default_factory=set)  # standard deviations that were taken, in words
     damaged: int = 0
+    unchecked: int = 0  # without a checksum
     unfixed: int = 0  # without a fix, a heading or a time
     unmeasured: Counter[str] = field(default_factory=Counter)  # by the words of _NO_FIX
+    variation: float = np.nan  # the last stated one [deg], East positive
+
+
+def is_nmea(text: str) -> bool:
+    """Whether there is a sentence with a checksum, or one that is known."""
+    known = (match[4] or (match[2] in _FIELDS and match[3]) for match in _SENTENCE.finditer(text))
+    return any(known) or any(_TSS1.fullmatch(line.strip()) for line in text.splitlines())
 
 
 def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
-    """Positions and headings of an NMEA file, with the settings' standard deviations or the usual ones of receivers and
-    gyrocompasses. `scans`: (N,) stamps of the scans [s], for sentences without a date."""
-    settings.refuse_unused(path, "holds NMEA sentences")
-    read = _Sentences(settings.talkers)
+    """Positions, headings and attitude of an NMEA file, with the stated standard deviations, the settings', or
+    the usual ones. `scans`: (N,) stamps of the scans [s], for sentences without a date."""
+    read = _Sentences(settings)
     with reading(path), path.open(encoding="latin-1") as file:
-        for number, line in enumerate(file, 1):
-            _read_line(number, line, read)
+        lines = [(number, *each) for number, line in enumerate(file, 1) for each in _sentences_of(line)]
+    checked = {sentence[1:3] for sentence in lines if sentence[4]}
+    for number, talker, sentence, fields, is_right in lines:
+        if is_right or (is_right is None and (talker, sentence) not in checked):
+            read.unchecked += is_right is None
+            _take(number, talker, sentence, fields, read)
+        else:
+            read.damaged += 1
+    is_magnetic = any(m.sentence in ("HDG", "HDM") for m in read.measurements)
+    settings.refuse_unused(path, "holds NMEA sentences", OF_TABLES[: -1 if is_magnetic else None])
     unmeasured = [f"{count} {kind}" for kind, count in sorted(read.unmeasured.items())]
     if not read.measurements or not read.timed:
-        of = f" of {', '.join(read.talkers)} (--nmea-talker)" if read.talkers else ""
+        of = f" of {', '.join(settings.talkers)} (--nmea-talker)" if settings.talkers else ""
         raise InputError(
             f"{path} has no sentence{of} with a fix or a heading and a time ({read.damaged} have a wrong checksum, "
-            f"{', '.join([f'{read.unfixed} are without a fix', *unmeasured])}); wanted GGA or RMC, and HDT"
+            f"{', '.join([f'{read.unfixed} are without a fix', *unmeasured, *_counts(read.unused)])}); wanted GGA, "
+            "GNS, RMC or GLL, and HDT or PASHR"
         )
-    if read.damaged:
-        notes.append(f"{path}: {read.damaged} sentences have a wrong checksum or field and are left out")
-    if read.unfixed:
-        notes.append(f"{path}: {read.unfixed} sentences are without a fix, a heading or a time")
-    if unmeasured:
-        notes.append(f"{path}: places that no receiver measured are left out: {', '.join(unmeasured)}")
-    return _log(path, read, settings, scans, notes)
+    for count, words in (
+        (read.damaged, f"{read.damaged} sentences have a wrong checksum or field and are left out"),
+        (read.unchecked, f"{read.unchecked} sentences have no checksum, and are read without"),
+        (read.unfixed, f"{read.unfixed} sentences are without a fix, a heading or a time"),
+        (len(unmeasured), f"places that no receiver measured are left out: {', '.join(unmeasured)}"),
+    ):
+        notes += [f"{path}: {words}"] * (count > 0)
+    return _log(path, read, scans, notes)
 
 
-def _read_line(number: int, line: str, read: _Sentences) -> None:
-    matches = list(SENTENCE.finditer(line))
-    whole = [match for match in matches if reduce(xor, match[0][1:-3].encode("latin-1"), 0) == int(match[4], 16)]
-    read.damaged += max(len(_STARTS.findall(line)), len(matches)) - len(whole)
-    for match in whole:
-        talker, kind, fields = match[1], match[2], match[3].split(",")[1:]
-        try:
-            measurement = _measurement_of(number, kind, fields, read) if kind in _USED else None
-        except (ValueError, IndexError, OverflowError):
-            read.damaged += 1
-            continue
-        if kind not in _USED:
-            read.unused[kind] += 1
-        elif measurement is not None and read.talkers and talker not in read.talkers:
-            read.unused[f"{talker}{kind}"] += 1
-        elif measurement is not None:
-            read.measurements.append(replace(measurement, talker=talker))
+def _counts(unused: Counter[str]) -> list[str]:
+    return [f"{count} {kind}" for kind, count in sorted((+unused).items())]
 
 
-def _measurement_of(number: int, kind: str, fields: list[str], read: _Sentences) -> _Measurement | None:
-    """The measurement of a sentence, with an empty talker; its time is added to `read`. Invalid fields raise
-    ValueError, IndexError or OverflowError."""
-    if kind in ("HDT", "THS"):
-        is_valid = kind == "HDT" or fields[1] == "A"
-        heading = float(fields[0] or np.nan)
-        if is_valid and 0 <= heading <= 360:
-            return _Measurement(number, "", kind, (heading, np.nan, np.nan))
-        if is_valid and np.isfinite(heading):
-            raise ValueError
-        read.unfixed += 1
-        return None
-    if not fields[0]:
+def _sentences_of(line: str) -> list[tuple[str, str, list[str], bool | None]]:
+    """Talker, sentence, fields, and whether the checksum is right (None without one) of the sentences in a line."""
+    if match := _TSS1.search(line):
+        is_settled, hundredths = match[1].isupper(), [match[2], match[3]]
+        return [
+            ("TS", "TSS1", ["VA"[is_settled], *(str(int(each.replace(" ", "")) / 100) for each in hundredths)], None)
+        ]
+    found = list[tuple[str, str, list[str], bool | None]]()
+    for match in _SENTENCE.finditer(line):
+        is_right = None if line[match.end() : match.end() + 1] != "*" else False
+        if match[4]:
+            is_right = reduce(xor, match[0][1:-3].encode("latin-1"), 0) == int(match[4][1:], 16)
+        sentence = match[1] + match[2] if match[1].startswith("P") else match[2]
+        found.append((match[1], sentence, match[3].split(",")[1:], is_right))
+    return found
+
+
+def _take(number: int, talker: str, sentence: str, fields: list[str], read: _Sentences) -> None:
+    """Add a sentence to those that were read."""
+    if sentence not in _FIELDS:
+        read.unused[sentence + _NOT_USED.get(sentence, "")] += 1
+        return
+    named = dict(zip(_FIELDS[sentence].split(), fields, strict=False))
+    if sentence == "PASHR" and time_of_day(named.get("time", "")) is None:  # others of that maker
+        read.unused[f"PASHR,{fields[0]}" if fields else "PASHR"] += 1
+        return
+    try:
+        if "time" in _FIELDS[sentence] and not _add_time(number, named, read):
+            return
+        measurement = _measurement(number, talker, sentence, named, read)
+    except (ValueError, LookupError, OverflowError):
+        read.damaged += 1
+        return
+    if measurement is not None and read.settings.talkers and talker not in read.settings.talkers:
+        read.unused[talker + sentence.removeprefix(talker)] += 1
+    elif measurement is not None:
+        read.measurements.append(measurement)
+
+
+def _add_time(number: int, named: Mapping[str, str], read: _Sentences) -> bool:
+    """Add the time of a sentence; whether it has one."""
+    if not named["time"]:
         read.unfixed += 1  # before the receiver knows the time
-        return None
-    of_day = time_of_day(fields[0])
+        return False
+    of_day, day = time_of_day(named["time"]), np.nan
     if of_day is None:
         raise ValueError
-    day, measurement = np.nan, None
-    if kind == "ZDA" and all(fields[1:4]):
-        day = _day(int(fields[3]), int(fields[2]), int(fields[1]))
-    if kind == "RMC" and fields[8]:
-        date = fields[8]
+    if named.get("year") and named["month"] and named["day"]:
+        day = _day(int(named["year"]), int(named["month"]), int(named["day"]))
+    if date := named.get("date"):
         year = int(date[4:6])
         day = _day(year + (2000 if year < 80 else 1900), int(date[2:4]), int(date[:2]))
-    if kind != "ZDA":
-        measurement = _place(number, kind, fields, read)
     read.timed.append((number, of_day, day))
-    return measurement
-
-
-def _place(number: int, kind: str, fields: list[str], read: _Sentences) -> _Measurement | None:
-    """The position of GGA or RMC; None without a fix."""
-    k, quality = (1, fields[5]) if kind == "GGA" else (2, "".join(fields[11:12]))  # RMC has a mode since version 2.3
-    if quality in _NO_FIX:
-        read.unmeasured[_NO_FIX[quality]] += 1
-    elif (quality in ("", "0")) if kind == "GGA" else (fields[1] != "A"):
-        read.unfixed += 1
-    else:
-        latitude, longitude = _angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW")
-        return _Measurement(number, "", kind, (np.nan, longitude, latitude), _KINDS.get(quality, "GNSS"))
-    return None
+    return True
 
 
 def _day(year: int, month: int, day: int) -> float:
     return datetime(year, month, day, tzinfo=UTC).timestamp() / DAY
 
 
-def _angle(digits: str, half: str, halves: str) -> float:
-    parts = _COUNTER.fullmatch(digits)
-    if not parts or half not in halves or half == "" or float(parts[2]) >= 60:
+def _measurement(
+    number: int, talker: str, sentence: str, named: Mapping[str, str], read: _Sentences
+) -> _Measurement | None:
+    """What a sentence measured; None without a fix, a heading or an attitude. Invalid fields raise ValueError or
+    LookupError."""
+    if named.get("variation"):
+        read.variation = _angle(float(named["variation"]), named["variation_half"], "EW", 180)
+    found = _Measurement(number, talker, sentence, "", np.full(6, np.nan), np.full(6, np.nan))
+    if sentence == "ZDA":
+        return None
+    if named.get("status", "A") != "A":
+        read.unfixed += 1
+        return None
+    if "lat" in named:
+        quality = set(named.get("quality") or "A" * ("status" in named)) - {"0", "N"}
+        if quality and quality <= _NO_FIX.keys():
+            read.unmeasured[_NO_FIX[min(quality)]] += 1
+            return None
+        if quality:
+            found.kind = next((kind for letter, kind in _KINDS.items() if letter in quality), "GNSS")
+            found.values[3:5] = _place(named, "lon", "EW", 180), _place(named, "lat", "NS", 90)
+            found.sigmas[3:5] = read.settings.sigmas.get("x_m", _SIGMAS[found.kind])
+    elif named.get("magnetic"):
+        variation = read.variation if read.settings.declination is None else read.settings.declination
+        if np.isnan(variation):
+            read.unused[sentence + _MAGNETIC] += 1
+            return None
+        deviation = _angle(float(named.get("deviation") or 0), named.get("deviation_half") or "E", "EW", 180)
+        _set_angle(found, 2, (float(named["magnetic"]) + deviation + variation) % 360, "", _MAGNETIC_SIGMA, read)
+    else:
+        for column, name in enumerate(("roll", "pitch", "heading")):
+            if named.get(name):
+                _set_angle(found, column, float(named[name]), named.get(f"{name}_sigma", ""), _SIGMAS_OF[name], read)
+    if np.isnan(found.values).all():
+        read.unfixed += 1
+        return None
+    return found
+
+
+def _set_angle(
+    found: _Measurement, column: int, angle: float, sigma: str, usual: tuple[float, str], read: _Sentences
+) -> None:
+    """Set an angle [deg], with the stated standard deviation, that of the settings, or the usual one."""
+    if not abs(angle) <= LARGEST_OF[COLUMNS[column]] or (column == 2 and angle < 0):
         raise ValueError
-    angle = int(parts[1]) + float(parts[2]) / 60
-    if angle > (90 if halves == "NS" else 180):
+    found.values[column] = angle
+    given = float(sigma) if sigma and float(sigma) > 0 else read.settings.sigmas.get(COLUMNS[column])
+    found.sigmas[column] = usual[0] if given is None else given
+    if given is None:
+        read.assumed.add(usual[1])
+
+
+def _place(named: Mapping[str, str], name: str, halves: str, most: float) -> float:
+    parts = _COUNTER.fullmatch(named[name])
+    if not parts or float(parts[2]) >= 60:
+        raise ValueError
+    return _angle(int(parts[1]) + float(parts[2]) / 60, named[f"{name}_half"], halves, most)
+
+
+def _angle(angle: float, half: str, halves: str, most: float) -> float:
+    if half not in tuple(halves) or not 0 <= angle <= most:
         raise ValueError
     return angle if half == halves[0] else -angle
 
 
-def _log(
-    path: Path, read: _Sentences, settings: NavigationSettings, scans: np.ndarray, notes: list[str]
-) -> NavigationLog:
-    """Rows of positions and of headings, each at its time."""
-    timed = np.array(read.timed)
-    # a heading has no time: it is interpolated by line between the sentences that have one
-    times = np.interp([m.line for m in read.measurements], timed[:, 0], _dates(timed, path, scans, notes))
-    rows = list(zip(read.measurements, times.tolist(), strict=True))
-    count, talkers = len(rows), list(dict.fromkeys(m.talker for m in read.measurements))
-    by_talker = {talker: _without_rmc([row for row in rows if row[0].talker == talker]) for talker in talkers}
-    _refuse_contradictions(path, {talker: _arrays(own, settings) for talker, own in by_talker.items()})
-    rows = _without_rmc(sorted(chain.from_iterable(by_talker.values()), key=lambda row: row[0].line))
-    read.unused["places of RMC"] += count - len(rows)
-    if unused := sorted((+read.unused).items()):
-        notes.append(f"{path}: not used: {', '.join(f'{count} {kind}' for kind, count in unused)}")
-    _say_sigmas(path, [m for m, _ in rows], settings, notes)
-    (times, values, sigmas), georeference = _arrays(rows, settings), None
+def _log(path: Path, read: _Sentences, scans: np.ndarray, notes: list[str]) -> NavigationLog:
+    """Rows of positions, headings and attitudes, each at its time."""
+    rows, timed, settings = read.measurements, np.array(read.timed), read.settings
+    lines = np.array([row.line for row in rows], np.int64)
+    # a sentence without a time is interpolated by line between those that have one
+    times = np.interp(lines, timed[:, 0], _dates(timed, path, scans, notes))
+    values, sigmas = np.array([row.values for row in rows]), np.array([row.sigmas for row in rows])
+    ranks = np.array([list(_FIELDS).index(row.sentence) for row in rows])
+    talkers = np.array([row.talker for row in rows])
+    before = np.isfinite(values[:, 3])
+    for talker in dict.fromkeys(talkers.tolist()):
+        own = talkers == talker
+        values[own] = _first_ranks(times[own], ranks[own], values[own])
+        north = np.nan_to_num(values[own, 4])
+        meters = _DEGREE * values[own, 3:5] * np.column_stack([np.cos(np.radians(north)), np.ones(len(north))])
+        refuse_alternating(path, times[own], meters, lines[own])
+    _refuse_contradictions(path, {each: tuple(x[talkers == each] for x in (times, values, sigmas)) for each in talkers})
+    values = _first_ranks(times, ranks, values)
+    for row in np.flatnonzero(before & np.isnan(values[:, 3])).tolist():
+        read.unused[f"places of {rows[row].sentence}"] += 1
+    kept = np.flatnonzero(np.isfinite(values).any(axis=1))
+    if unused := _counts(read.unused):
+        notes.append(f"{path}: not used: {', '.join(unused)}")
+    _say_sigmas(path, [rows[k] for k in kept.tolist()], read, notes)
+    times, values, sigmas, lines = times[kept], values[kept], sigmas[kept], lines[kept]
+    georeference = None
     if np.isfinite(values[:, 3]).any():
         with naming(path):
             values, georeference = local_places(values, True, settings, notes)
-    lines, keys = np.array([m.line for m, _ in rows], np.int64), tuple(f"{time:.3f}" for time in times.tolist())
+    keys = tuple(f"{time:.3f}" for time in times.tolist())
     return NavigationLog("stamp", lines, keys, times, values, sigmas, georeference)
 
 
-def _without_rmc(rows: list[_Row]) -> list[_Row]:
-    """The rows without positions of RMC at the time of a GGA, which tells more of a fix, or between two near ones."""
-    gga = sorted(time for m, time in rows if m.sentence == "GGA")
-
-    def is_beside(time: float) -> bool:
-        before, after = bisect_right(gga, time) - 1, bisect_left(gga, time)
-        return before >= 0 and after < len(gga) and gga[after] - gga[before] <= MOST_BETWEEN
-
-    return [row for row in rows if row[0].sentence != "RMC" or not is_beside(row[1])]
-
-
-def _arrays(rows: Sequence[_Row], settings: NavigationSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times (n,), and values and standard deviations (n, 6) as `NavigationLog` has them, with longitude and latitude
-    [deg] in place of x and y."""
-    values = np.full((len(rows), 6), np.nan)
-    values[:, 2:5] = [m.values for m, _ in rows]
-    return np.array([time for _, time in rows]), values, np.array([_sigmas(m, settings) for m, _ in rows])
+def _first_ranks(times: np.ndarray, ranks: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n, 6) values without those at the time of, or between two near ones of, a sentence that tells more: which is
+    before it in _FIELDS."""
+    values = values.copy()
+    for columns in SERIES:
+        known = np.isfinite(values[:, columns]).any(axis=1)
+        for rank in np.unique(ranks[known])[1:]:
+            rows, better = np.flatnonzero(known & (ranks == rank)), np.sort(times[known & (ranks < rank)])
+            before = np.searchsorted(better, times[rows], side="right") - 1
+            after = np.searchsorted(better, times[rows], side="left")
+            inside = (before >= 0) & (after < len(better))
+            near = better[np.minimum(after, len(better) - 1)] - better[before] <= MOST_BETWEEN
+            values[np.ix_(rows[inside & near], columns)] = np.nan
+    return values
 
 
-def _sigmas(measurement: _Measurement, settings: NavigationSettings) -> list[float]:
-    """(6,) standard deviations of a measurement, in the order of COLUMNS; NaN where it has no value."""
-    if not measurement.kind:
-        return [np.nan, np.nan, settings.sigmas.get("heading_deg", _SIGMA_HEADING), np.nan, np.nan, np.nan]
-    sigma = settings.sigmas.get("x_m", _SIGMAS[measurement.kind])
-    return [np.nan, np.nan, np.nan, sigma, sigma, np.nan]
-
-
-def _say_sigmas(path: Path, kept: Sequence[_Measurement], settings: NavigationSettings, notes: list[str]) -> None:
-    counts = Counter(m.kind for m in kept)
-    if counts.pop("", 0):
+def _say_sigmas(path: Path, kept: list[_Measurement], read: _Sentences, notes: list[str]) -> None:
+    if any("time" not in _FIELDS[m.sentence] for m in kept):
+        what = "headings" if all(np.isnan(m.values[0]) for m in kept) else "headings or attitudes"
         notes.append(
-            f"{path}: its headings have no time; they are placed by their lines, between the sentences with times"
+            f"{path}: its {what} have no time; they are placed by their lines, between the sentences with times"
         )
-        if "heading_deg" not in settings.sigmas:
-            notes.append(
-                f"{path}: standard deviations are taken to be heading {_SIGMA_HEADING:g} degrees (gyrocompass); "
-                "--prior-sigmas gives others"
-            )
-    if counts and "x_m" not in settings.sigmas:
+    if read.assumed:
+        assumed = ", ".join(sorted(read.assumed))
+        notes.append(f"{path}: standard deviations are taken to be {assumed}; --prior-sigmas gives others")
+    counts = Counter(m.kind for m in kept if m.kind)
+    if counts and "x_m" not in read.settings.sigmas:
         parts = [f"{count} of {kind} ({_SIGMAS[kind]:g} m)" for kind, count in counts.items()]
         notes.append(f"{path}: fixes by their stated quality: {', '.join(parts)}; --prior-sigmas gives others")
 
 
-def _refuse_contradictions(path: Path, logs: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
+def _refuse_contradictions(path: Path, logs: Mapping[str, tuple[np.ndarray, ...]]) -> None:
     """Refuse two talkers that cannot be on one vehicle: their positions or headings differ by more than
-    `_CONTRADICTED` standard deviations in the median. `logs`: {talker: result of `_arrays`}."""
+    `_CONTRADICTED` standard deviations in the median. `logs`: {talker: times, values and standard deviations}."""
     for (a, of_a), (b, (times, values, sigmas)) in combinations(logs.items(), 2):
         there, there_sigmas = at_scans(times, *of_a)
         off, sigma = there - values, np.hypot(there_sigmas, sigmas)

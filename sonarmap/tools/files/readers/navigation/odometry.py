@@ -13,6 +13,7 @@ from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA, poses_of
+from sonarmap.tools.files.readers.navigation.faults import fault_notes, usable_rows
 from sonarmap.tools.files.readers.navigation.log import SAME_STAMP
 from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.recorded import recorded_turn_rates
@@ -35,14 +36,18 @@ def read_odometry(
     """Dead reckoning interpolated to the stamps of the scans, which are by the same clock.
 
     Args:
-        path: a TUM file, a CSV file with times and all columns of a priors file, all filled, or a ROS bag or MCAP file,
-            optionally followed by ::TOPIC.
-        drift: standard deviation of the distance, as a share of it.
+        path: a TUM file, a CSV file with times and all columns of a priors file, all filled, an SBET file, the reports
+            of a DVL, or a ROS bag or MCAP file, optionally followed by ::TOPIC.
+        drift: standard deviation of the distance, as a share of it; a larger one that the file states takes precedence.
         turn_drift: standard deviation of the rotation [rad/s].
     """
     notes = [] if notes is None else notes
     times = np.array([scan.stamp for scan in scans], dtype=np.float64)
-    trajectory = _trajectory(path, settings, times, notes)
+    trajectory, stated = _trajectory(path, settings, times, notes)
+    if stated > drift:
+        notes.append(
+            f"{path}: its standard deviation grows by {stated:.1%} of the distance, which is taken as its drift"
+        )
     stamps = trajectory.stamps
     if len(stamps) < 2 or not (np.diff(stamps) > 0).all():
         pose = int(np.argmin(np.diff(stamps) > 0)) + 1 if len(stamps) > 1 else 0
@@ -55,7 +60,7 @@ def read_odometry(
         notes.append(f"{path} does not cover {len(bare)} of {len(scans)} scans: {bare[0]}{' ...' * (len(bare) > 1)}")
     indices = np.flatnonzero(covered)
     at = np.clip(times[indices], stamps[0], stamps[-1])
-    return Odometry(indices, poses_at(trajectory, at), times[indices], drift, turn_drift)
+    return Odometry(indices, poses_at(trajectory, at), times[indices], max(drift, stated), turn_drift)
 
 
 def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -67,18 +72,27 @@ def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
     return inside | (nearest <= SAME_STAMP)
 
 
-def _trajectory(path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]) -> Trajectory:
-    """The poses of the sonar, in the frame of the dead reckoning."""
+def _trajectory(
+    path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]
+) -> tuple[Trajectory, float]:
+    """The poses of the sonar, in the frame of the dead reckoning, and the growth of their stated error, as a share of
+    the distance."""
     log = read_navigation(path, settings, None, stamps, notes)
     missing = ["stamp"] * (log.key == "name")
     missing += [COLUMNS[k] for k in np.flatnonzero(np.isnan(log.values).all(axis=0)).tolist()]
     if missing:
         raise InputError(f"{path}: odometry needs times and {', '.join(COLUMNS)}; {', '.join(missing)} not found")
-    for row, column in np.argwhere(np.isnan(log.values)).tolist():
+    usable, faults = usable_rows(log, settings.fastest, stamps - settings.offset)
+    notes += [f"{path}: {note}" for note in fault_notes(faults)]
+    faulty = np.isin(log.lines, [fault.line for fault in faults])
+    for row, column in np.argwhere(np.isnan(log.values) & ~faulty[:, None]).tolist():
         raise InputError(f"{path}: line {log.lines[row]}: {COLUMNS[column]} is empty; odometry needs all in every row")
-    T_odom_vehicle = poses_of(log.values)
+    values, sigmas = usable.values[~faulty], log.sigmas[~faulty, 3]
+    way = float(np.linalg.norm(np.diff(values[:, 3:], axis=0), axis=1).sum())
+    stated = (sigmas[-1] - sigmas[0]) / way if len(sigmas) and way > 0 else 0.0
+    T_odom_vehicle = poses_of(values)
     T = T_odom_vehicle * settings.mount.T_vehicle_sensor if settings.mount else T_odom_vehicle
-    return Trajectory(log.times + settings.offset, T)
+    return Trajectory(log.times[~faulty] + settings.offset, T), float(np.nan_to_num(stated))
 
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.bags.open import is_recording
-from sonarmap.tools.files.readers.csv_table import MISSING, CsvRow, degrees, numbers, read_csv_table, refuse
+from sonarmap.tools.files.readers.csv_table import CsvRow, CsvTable, degrees, number, numbers, read_csv_table, refuse
 from sonarmap.tools.files.readers.instruments import (
     COLUMNS,
     LARGEST,
@@ -23,11 +24,13 @@ from sonarmap.tools.files.readers.instruments import (
     values_of,
 )
 from sonarmap.tools.files.readers.navigation.columns import MEASURED, PAIRS, Columns, columns_of
-from sonarmap.tools.files.readers.navigation.faults import usable_rows
-from sonarmap.tools.files.readers.navigation.headings import SOURCES, column_of
-from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans
-from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
+from sonarmap.tools.files.readers.navigation.dvl import is_dvl, read_dvl
+from sonarmap.tools.files.readers.navigation.faults import MIN_ROWS, usable_rows
+from sonarmap.tools.files.readers.navigation.headings import QUATERNION, SOURCES, column_of, is_unit
+from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans, refuse_alternating
+from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
 from sonarmap.tools.files.readers.navigation.recorded import read_recorded_navigation
+from sonarmap.tools.files.readers.navigation.sbet import is_sbet, read_sbet
 from sonarmap.tools.files.readers.navigation.settings import (
     OF_NMEA,
     OF_TABLES,
@@ -45,8 +48,15 @@ from sonarmap.tools.files.user_file import naming, reading, require_file
 _LOOKED_AT = 20_000  # bytes at a file's beginning from which its kind is recognized
 _TUM_NUMBERS = 8
 _TABLES = (".csv", ".txt", ".log", ".tsv")
+_SBET = (".sbet", ".out")
 _POINT = {"x_m", "y_m", "z_m"}
 _ON_EARTH = {"lat_deg": 90.0, "lon_deg": 180.0}
+_WHOLE = _ON_EARTH | {"heading_deg": 360.0, "yaw_deg": 360.0}  # largest of each in degrees
+_MOST_METERS = 1e7  # of a northing; larger numbers are 1e-7 degrees
+_DEEP = 1000.0  # whole numbers of depths beyond are likely millimeters
+_CONSTANTS = 4  # most different impossible values of a column, which stand for missing ones
+_KINDS_OF = ("attitude", "attitude", "heading", "position", "position", "depth")
+_KINDS = {name: kind for names, kind in zip(SOURCES, _KINDS_OF, strict=True) for name in names}
 _DIGITS = 6  # least number of decimals of coordinates that look like degrees
 _DEGREES_RANGE = 0.05  # [deg], about 5 km of latitude: coordinates in a smaller range look like degrees
 _ABOVE = 0.5  # [m]: depths whose median is farther above the water have the wrong sign
@@ -61,9 +71,14 @@ def read_navigation(
     part = part_of_file(str(path))
     if part is not None and is_recording(part.path):
         return read_recorded_navigation(part.path, part.topic, settings, sigmas, scans, notes)
+    require_file(path)
+    if is_sbet(path):
+        return read_sbet(path, settings, sigmas is not None, scans, notes)
     beginning = beginning_of(path)
-    if SENTENCE.search(beginning):
+    if is_nmea(beginning):
         return read_nmea(path, settings, scans, notes)
+    if is_dvl(beginning):
+        return read_dvl(path, settings, sigmas is not None, notes)
     if path.suffix.lower() != ".tum" and not _is_tum(beginning):
         settings.refuse_unused(path, "holds no NMEA sentences", OF_NMEA)
         return read_table(path, settings, sigmas, scans, notes)
@@ -141,18 +156,19 @@ def is_log(path: Path) -> bool:
     columns of measurements."""
     if not path.is_file():
         return False
-    if path.suffix.lower() == ".tum":
+    if path.suffix.lower() == ".tum" or (path.suffix.lower() in _SBET and is_sbet(path)):
         return True
-    if path.suffix.lower() not in (*_TABLES, ".nmea", ".gps", ""):
+    if path.suffix.lower() not in (*_TABLES, ".nmea", ".gps", ".json", ".jsonl", ""):
         return False
     try:
-        if SENTENCE.search(beginning_of(path)):
+        beginning = beginning_of(path)
+        if is_nmea(beginning) or is_dvl(beginning):
             return True
         heading = read_csv_table(path).heading.cells
     except InputError:
         return False
     known = {column.quantity for k, cell in enumerate(heading) if cell and (column := column_of(k, cell))}
-    is_cloud = known >= _POINT and not known & {"roll_deg", "pitch_deg", "heading_deg", "yaw_deg"}
+    is_cloud = known >= _POINT and not known & {"roll_deg", "pitch_deg", "heading_deg", "yaw_deg", "qw"}
     return bool(known & {"stamp", "name", "date"}) and bool(known.intersection(MEASURED)) and not is_cloud
 
 
@@ -189,7 +205,13 @@ def read_table(
     path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
     """The rows of a CSV file; arguments as of `read_navigation`."""
-    raw = read_csv_table(path)
+    raw = _with_units(read_csv_table(path))
+    quantities = {column.quantity for k, cell in enumerate(raw.heading.cells) if (column := column_of(k, cell))}
+    if settings.frame is None and quantities.issuperset(QUATERNION):
+        settings = replace(settings, frame="enu")
+        notes.append(
+            f"{path}: axes are taken as East, North, up and forward, left, up, as in ROS; else give --nav-frame"
+        )
     with naming(raw.where()):
         columns = columns_of(raw.heading.cells, settings, sigmas)
     for row in () if columns.is_own else raw.rows:  # extra empty cells at the end of a log's row are ignored
@@ -202,32 +224,60 @@ def read_table(
         raise InputError(f"{path} has no row below its heading; wanted one per scan")
     notes += [f"{path}: {note}" for note in columns.notes]
     notes += raw.notes
-    values, georeference = _values(table, settings, notes)
-    deviations = _sigmas(table, settings)
+    faults = list[RowFault]()
+    values, georeference = _values(table, settings, notes, faults)
+    deviations = _sigmas(table, settings, faults)
     _check_rows(table, values, deviations, sigmas)
+    lines = np.array([row.line for row in table.rows])
     _refuse_above_water(table, values[:, 5])
     keys = cells[columns.key]
     for row, key in enumerate(keys):
         if not key:
             raise InputError(f"{table.where(row)}: its {columns.key} is empty; fix that line")
-    lines = np.array([row.line for row in table.rows])
     times = np.full(len(keys), np.nan)
     if columns.key == "stamp":
         written = TimeCells(path, lines, keys, columns.of["stamp"], cells.get("date"), cells.get("gps_week"))
         times = times_of(written, settings.time_scale, scans, notes)
-    return NavigationLog(columns.key, lines, tuple(keys), times, values, deviations, georeference)
+        refuse_alternating(path, times, values[:, 3:5], lines)
+    written = {COLUMNS[k]: cells[name] for k, names in enumerate(SOURCES) for name in names if name in cells}
+    return NavigationLog(
+        columns.key, lines, tuple(keys), times, values, deviations, georeference, tuple(faults), written
+    )
 
 
-def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tuple[np.ndarray, Georeference | None]:
+def _with_units(table: CsvTable) -> CsvTable:
+    """The table with the units of a second line of headings in the first, as Depth (m)."""
+    units = table.rows[0].cells if table.rows else []
+    if len(units) != len(table.heading.cells) or not any(map(is_unit, units)):
+        return table
+    if any(np.isfinite(number(cell)) or ":" in cell for cell in units):
+        return table
+    named = [
+        f"{cell} ({unit.strip('()[] ')})" if is_unit(unit) else cell
+        for cell, unit in zip(table.heading.cells, units, strict=True)
+    ]
+    return replace(table, heading=replace(table.heading, cells=named), rows=table.rows[1:])
+
+
+def _values(
+    table: _Table, settings: NavigationSettings, notes: list[str], faults: list[RowFault]
+) -> tuple[np.ndarray, Georeference | None]:
     """(n, 6) values in the order, units and signs of COLUMNS, NaN where not measured; the georeference, if known."""
     values = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, names in enumerate(SOURCES):
         for name in names:
-            if name in table.columns.of:
-                values[:, k] = _column(table, name)
+            if name in table.columns.of and name not in QUATERNION:
+                values[:, k] = _column(table, name, notes, faults)
+    if "qw" in table.columns.of:
+        quaternions = np.stack([_column(table, name, notes, faults) for name in QUATERNION], axis=1)
+        known = np.linalg.norm(quaternions, axis=1) > LEAST_SIGMA
+        values[known, 2::-1] = Rotation.from_quat(quaternions[known]).as_euler("ZYX", degrees=True)
+    if len(values) >= MIN_ROWS and not table.columns.is_own and (values[:, :3] == 0).all():
+        notes.append(f"{table.path}: roll, pitch and heading are 0 in all rows, as if not measured; they are left out")
+        values[:, :3] = np.nan
     if settings.points_up:
         values[:, 1] *= -1
-    if "yaw_deg" in table.columns.of:
+    if "yaw_deg" in table.columns.of or "qw" in table.columns.of:
         values[:, 2] = np.mod(90 - values[:, 2], 360) if settings.points_up else np.mod(values[:, 2], 360)
     if settings.declination is not None:
         values[:, 2] = np.mod(values[:, 2] + settings.declination, 360)
@@ -236,7 +286,8 @@ def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tu
     if "lat_deg" in table.columns.of or ("easting_m" in table.columns.of and settings.crs is not None):
         with naming(table.path):
             return local_places(values, "lat_deg" in table.columns.of, settings, notes)
-    _refuse_degrees(table, values)
+    if "qw" not in table.columns.of:
+        _refuse_degrees(table, values)
     if "easting_m" in table.columns.of:
         _refuse_grid(table, values, notes)
     elif _is_north_first(table, settings):
@@ -249,47 +300,67 @@ def _is_north_first(table: _Table, settings: NavigationSettings) -> bool:
     return "x_m" in table.columns.of and settings.frame is not None and not settings.points_up
 
 
-def _column(table: _Table, name: str) -> np.ndarray:
-    """(n,) values of one column in the unit of its quantity, NaN where its cell is empty."""
+def _column(table: _Table, name: str, notes: list[str], faults: list[RowFault]) -> np.ndarray:
+    """(n,) values of one column in the unit of its quantity, NaN where its cell is empty or holds an impossible value,
+    which is added to `faults`."""
     cells, column = table.cells[name], table.columns.of[name]
+    values, bad = numbers(cells, table.columns.is_own)
+    wanted = "a finite number, or an empty cell for what was not measured"
     if name in _ON_EARTH:
         values = np.array([degrees(cell, name) for cell in cells])
-        bad = np.isnan(values) & np.array([cell.lower() not in MISSING for cell in cells])
-        wanted = "degrees, as 60.3913 or 60 23.478 N"
-    else:
-        values, bad = numbers(cells, table.columns.is_own)
-        wanted = "a finite number, or an empty cell for what was not measured"
-    values = _usable(table, name, values, bad, wanted)
-    if name in _ON_EARTH and (beyond := np.abs(values) > _ON_EARTH[name]).any():
-        row = int(np.argmax(beyond))
+        bad, wanted = bad & np.isnan(values), "degrees, as 60.3913 or 60 23.478 N"
+    for row in np.flatnonzero(bad).tolist():
+        raise refuse(table.where(row), column.heading, cells[row], wanted)
+    values *= column.factor * _whole_unit(table, name, values, notes)
+    quantity = "heading_deg" if name == "yaw_deg" else name
+    most = _ON_EARTH.get(name, LARGEST_OF.get(quantity, LARGEST))
+    wrong = (np.abs(values) > most) | ((name in SIGMA_COLUMNS) & (values < LEAST_SIGMA))
+    rows = np.flatnonzero(wrong).tolist()
+    if len(cells) >= MIN_ROWS and wrong.mean() <= 0.5 and len({cells[row] for row in rows}) <= _CONSTANTS:
+        kind = _KINDS.get(name, "standard deviation")
+        faults += [RowFault(table.rows[row].line, kind, f"{cells[row]}, which no instrument measures") for row in rows]
+        values[wrong] = np.nan
+    elif rows and name in _ON_EARTH:
         raise InputError(
-            f"{table.where(row)}: {column.heading} is {values[row]:g}; wanted degrees within {_ON_EARTH[name]:g}; if "
+            f"{table.where(rows[0])}: {column.heading} is {values[rows[0]]:g}; wanted degrees within {most:g}; if "
             "these are meters of a grid, give --nav-columns "
             f"{'northing_m' if name == 'lat_deg' else 'easting_m'}={column.heading} and --nav-crs"
         )
-    return values
-
-
-def _usable(table: _Table, name: str, values: np.ndarray, bad: np.ndarray, wanted: str) -> np.ndarray:
-    """Convert a column to the unit of its quantity; refuse `bad` cells and numbers that no instrument gives."""
-    for row in np.flatnonzero(bad).tolist():
-        raise refuse(table.where(row), table.columns.heading(name), table.cells[name][row], wanted)
-    values, quantity = values * table.columns.of[name].factor, "heading_deg" if name == "yaw_deg" else name
-    wrong = (np.abs(values) > LARGEST_OF.get(quantity, LARGEST)) | ((name in SIGMA_COLUMNS) & (values < LEAST_SIGMA))
-    for row in np.flatnonzero(wrong).tolist():
+    for row in rows:
         with naming(table.where(row), "; fix that line"):
             check_measured(quantity, float(values[row]))
     return values
 
 
-def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
+def _whole_unit(table: _Table, name: str, values: np.ndarray, notes: list[str]) -> float:
+    """The unit of a column of whole numbers, as MAVLink has them, whose heading does not name it: 1e-7 degrees of
+    latitude or longitude, 0.01 degrees of a heading; 1 for other numbers. Depths of thousands are refused."""
+    column, known = table.columns.of[name], np.abs(values[np.isfinite(values)])
+    if column.unit or column.is_own or not len(known) or (known % 1 != 0).any():
+        return 1.0
+    median = float(np.median(known))
+    if name == "depth_m" and median > _DEEP:
+        raise InputError(
+            f"{table.path}: {column.heading} has whole numbers, {median:.0f} in the median; name the unit in the "
+            f"heading, as {column.heading} (mm) or {column.heading} (m)"
+        )
+    unit = 1e-2
+    if name in _ON_EARTH:
+        places = [np.abs(numbers(table.cells[each], False)[0]) for each in _ON_EARTH]
+        medians = [float(np.nanmedian(place)) for place in places if np.isfinite(place).any()]
+        unit = 1e-7 if max(medians) > _MOST_METERS else 1.0
+    if unit != 1 and name in _WHOLE and median > _WHOLE[name]:
+        notes.append(f"{table.path}: {column.heading} is taken as whole numbers of {unit:g} degrees, as in MAVLink")
+        return unit
+    return 1.0
+
+
+def _sigmas(table: _Table, settings: NavigationSettings, faults: list[RowFault]) -> np.ndarray:
     """(n, 6) standard deviations of the file, NaN where there is none."""
     sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, name in enumerate(SIGMA_COLUMNS):
-        if name not in table.columns.of:
-            continue
-        values, bad = numbers(table.cells[name], table.columns.is_own)
-        sigmas[:, k] = _usable(table, name, values, bad, "a finite number, or an empty cell")
+        if name in table.columns.of:
+            sigmas[:, k] = _column(table, name, [], faults)
     if _is_north_first(table, settings):
         sigmas[:, [3, 4]] = sigmas[:, [4, 3]]
     return sigmas

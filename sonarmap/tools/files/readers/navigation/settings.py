@@ -32,6 +32,8 @@ _NO_SIGMAS: Mapping[str, float] = MappingProxyType({})
 _UNKNOWN_TILT = 0.2  # [rad], standard deviation of roll and pitch that were not measured
 _MAX_MOUNT_TILT = 30.0  # [deg], of a mount on a vehicle without measured roll and pitch
 _FRD_TO_FLU = np.array([1.0, -1.0, -1.0])  # forward, right, down to forward, left, up, and back
+_FAR = 1.0  # [deg]: positions farther from the median are not of the survey, if they are few different ones
+_CONSTANTS, _LEAST_ROWS = 4, 12
 _ROUNDED = 5  # decimals of the origin's degrees, about a meter
 
 
@@ -188,10 +190,16 @@ def local_places(
     values = values.copy()
     known = np.isfinite(values[:, 3:5]).all(axis=1)
     if are_degrees:
-        unset = known & (values[:, 3:5] == 0).all(axis=1)
-        if unset.any():
-            notes.append(f"{unset.sum()} rows are at 0, 0, as without a fix; these positions are left out")
-        known &= ~unset
+        places = values[known, 3:5]
+        off = np.abs((places - np.median(places, axis=0) + 180) % 360 - 180) if len(places) else places
+        lost = (places == 0).all(axis=1) | ((off > _FAR).any(axis=1) & (len(places) >= _LEAST_ROWS))
+        constants, counts = np.unique(places[lost], axis=0, return_counts=True)
+        if len(constants) <= _CONSTANTS:
+            for (longitude, latitude), count in zip(constants.tolist(), counts.tolist(), strict=True):
+                notes.append(
+                    f"{count} rows are at {latitude:g}, {longitude:g}, as without a fix; these positions are left out"
+                )
+            known[known] = ~lost
     values[~known, 3:5] = np.nan
     if not known.any():
         raise InputError("no row has a position; wanted a latitude and longitude, or an easting and northing")

@@ -17,6 +17,9 @@ from sonarmap.tools.files.time_scales import TAI_GPS, WEEK, TimeScale, utc_of_gp
 _SIZES = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
 _ON_EARTH = 1e8  # [s]: smaller stamps are not dates but of a clock with its own start
 DAY = 86_400.0
+_DAYS_1970 = 25_569.0  # from 1899-12-30 to 1970-01-01
+_DAYS = (32_874.0, 73_051.0)  # 1990 and 2100, from 1899-12-30
+_MOST_DAYS = 0.01  # between most rows
 _ROLLOVER = 1024  # weeks after which receivers count from 0 again
 _TIME = re.compile(r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,](\d+))?)?\s*(?:([ap])\.?m\.?)?", re.IGNORECASE)
 _DIGITS = re.compile(r"(\d\d)(\d\d)(\d\d)(\.\d*)?")
@@ -51,15 +54,23 @@ def times_of(cells: TimeCells, scale: TimeScale | None, scans: np.ndarray, notes
     if np.isfinite(values).all() and not (cells.dates and all(_DIGITS.fullmatch(cell) for cell in cells.stamps)):
         if cells.dates is not None:
             raise cells.refuse(0, "a time of day as 09:30:00 or 093000 beside the date")
-        return _of_numbers(cells, values, scale, scans)
+        return _of_numbers(cells, values, scale, scans, notes)
     return _of_calendar(cells, scale or "utc", scans, notes)
 
 
-def _of_numbers(cells: TimeCells, values: np.ndarray, scale: TimeScale | None, scans: np.ndarray) -> np.ndarray:
-    """UTC [s] of numbers since 1970, or 1980 for GPS, in seconds or, by their size, in milli-, micro-, nanoseconds."""
+def _of_numbers(
+    cells: TimeCells, values: np.ndarray, scale: TimeScale | None, scans: np.ndarray, notes: list[str]
+) -> np.ndarray:
+    """UTC [s] of numbers since 1970, or 1980 for GPS, in seconds or, by their size, in milli-, micro-, nanoseconds; or
+    of days since 1899-12-30, as spreadsheets count them."""
     if (np.abs(values) > LARGEST_STAMP).any():
         raise cells.refuse(int(np.argmax(np.abs(values))), "finite seconds")
     factor = cells.column.factor
+    steps = np.abs(np.diff(values))
+    are_days = ((values > _DAYS[0]) & (values < _DAYS[1])).all() and (steps[steps > 0] < _MOST_DAYS).mean() > 0.5
+    if are_days and not cells.column.unit and not (len(scans) and np.median(scans) < _ON_EARTH):
+        notes.append(f"{cells.path}: times are taken as days since 1899-12-30 in UTC, as spreadsheets count them")
+        return (values - _DAYS_1970) * DAY
     if not cells.column.unit and not (len(scans) and np.abs(scans).max() > _SIZES[0][0]):  # else numbers of one kind
         size = int(np.searchsorted([limit for limit, _ in _SIZES], np.median(np.abs(values))))
         factor = _SIZES[size][1]
@@ -175,10 +186,13 @@ def time_of_day(text: str) -> float | None:
 
 def dated(of_day: np.ndarray, scans: np.ndarray, path: object, notes: list[str]) -> np.ndarray:
     """(n,) times [s] of seconds of the day, in the file's order, on the day that brings them nearest to the scans."""
-    if not len(scans) or np.median(scans) < _ON_EARTH:
+    if len(scans) and np.median(scans) < _ON_EARTH:
         raise InputError(f"{path}: its times have no date, and neither have the scans; add a column of dates")
     days = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights passed
     times = of_day + days * DAY
+    if not len(scans):
+        notes.append(f"{path}: its times have no date; the scans will tell it")
+        return times
     middle = (float(scans.min()) + float(scans.max())) / 2
     day = np.round((middle - (times.min() + times.max()) / 2) / DAY)
     first = date(1970, 1, 1) + timedelta(days=int(day + days[0]))
