@@ -1,4 +1,4 @@
-"""Readers of poses: TUM, KITTI and gt.log files, and a map's graph.json.
+"""Readers of poses: TUM, EuRoC, KITTI and gt.log files, and a map's graph.json.
 
 TUM has one pose per line, `stamp tx ty tz qx qy qz qw`; KITTI has the upper 3 x 4 of the pose matrix row by row, and no
 stamps. A gt.log of registration benchmarks has the true transforms between numbered scans: for every pair a line `i j`,
@@ -78,9 +78,14 @@ def read_kitti(path: Path) -> Trajectory:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read the stamps [s] and poses T_world_sensor [m] of a TUM file."""
+    """Read the stamps [s] and poses T_world_sensor [m] of a TUM file, or of a table as EuRoC has it: nanoseconds, the
+    position, and the quaternion with w first."""
     lines = read_lines(path)
+    if is_table := b"," in lines[0][1]:
+        lines = [(number, b" ".join(line.split(b",")[:8])) for number, line in lines]
     rows = finite_rows(path, lines, LAYOUT)
+    if is_table:
+        rows = rows[:, [0, 1, 2, 3, 5, 6, 7, 4]] * np.append(1e-9, np.ones(7))
     return Trajectory(rows[:, 0].copy(), transforms(path, lines, rows[:, 1:]))
 
 

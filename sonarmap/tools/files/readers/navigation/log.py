@@ -179,11 +179,14 @@ def refuse_alternating(path: Path, times: np.ndarray, places: np.ndarray, lines:
     rows = rows[np.argsort(times[rows], kind="stable")]
     if len(rows) < 12:
         return
-    next_off, second_off = (
-        float(np.median(np.linalg.norm(series[lag:-lag] - (series[: -2 * lag] + series[2 * lag :]) / 2, axis=1)))
-        for series in (places[rows],)
-        for lag in (1, 2)
-    )
+    own, places = times[rows], places[rows]
+    offs = list[float]()
+    for lag in (1, 2):  # from the way between the positions before and behind, of the other or the same receiver
+        span = own[2 * lag :] - own[: -2 * lag]
+        share = np.where(span > 0, (own[lag:-lag] - own[: -2 * lag]) / np.where(span > 0, span, 1.0), 0.5)[:, None]
+        between = (1 - share) * places[: -2 * lag] + share * places[2 * lag :]
+        offs.append(float(np.median(np.linalg.norm(places[lag:-lag] - between, axis=1))))
+    next_off, second_off = offs
     if next_off > max(_LEAST_APART, _STEADIER * second_off):
         raise InputError(
             f"{path}: its positions alternate between two places {next_off:.1f} m apart, as those of two receivers do; "

@@ -271,6 +271,8 @@ def _log(path: Path, read: _Sentences, scans: np.ndarray, notes: list[str]) -> N
     ranks = np.array([list(_FIELDS).index(row.sentence) for row in rows])
     talkers = np.array([row.talker for row in rows])
     before = np.isfinite(values[:, 3])
+    is_magnetic = np.array([row.sentence in ("HDG", "HDM") for row in rows])
+    values = _first_ranks(times, is_magnetic, values)
     for talker in dict.fromkeys(talkers.tolist()):
         own = talkers == talker
         values[own] = _first_ranks(times[own], ranks[own], values[own])

@@ -145,11 +145,6 @@ def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unkn
     return priors
 
 
-def _beyond(stamps: np.ndarray, log: NavigationLog) -> np.ndarray:
-    """(n,) bool: rows before the first scan or after the last."""
-    return (log.times < stamps.min() - SAME_STAMP) | (log.times > stamps.max() + SAME_STAMP)
-
-
 def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
     """Whether rows are a log at its own times, and not one per scan: some are before or after all scans, they outnumber
     the scans and some are at no scan's time, or more than half are at no scan's time."""
@@ -160,7 +155,8 @@ def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
     )
     of_no_scan = int((nearest > SAME_STAMP).sum())
     more = of_no_scan > 0 and len(log.times) > len(stamps)
-    return bool(_beyond(stamps, log).any()) or more or of_no_scan > len(log.times) / 2
+    beyond = (log.times < stamps.min() - SAME_STAMP) | (log.times > stamps.max() + SAME_STAMP)
+    return bool(beyond.any()) or more or of_no_scan > len(log.times) / 2
 
 
 def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list[str]) -> list[PosePrior | None]:
@@ -170,7 +166,5 @@ def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list
     measured = np.any(np.isfinite(values), axis=1)
     if not measured.any():
         raise InputError(f"{path}: no row is at the time of a scan, or near it: {why_apart(log.times, stamps)}")
-    beyond = int(_beyond(stamps, log).sum())
-    count = f"; {beyond:,} of its {len(rows):,} rows are before the first scan or after the last" if beyond else ""
-    notes.append(f"{path} has times of its own; it was interpolated to those of the scans{count}")
+    notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
     return [prior_of(values[k], sigmas[k]) if measured[k] else None for k in range(len(stamps))]
