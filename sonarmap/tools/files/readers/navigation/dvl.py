@@ -19,14 +19,14 @@ from sonarmap.tools.files.readers.navigation.settings import OF_NMEA, OF_TABLES,
 from sonarmap.tools.files.user_file import reading
 
 _SENTENCE = re.compile(r"\b(wr[pzx]),([^*\s]+)(?:\*([0-9a-fA-F]{2}))?")
-_JSON = re.compile(r'\{.*"type"\s*:\s*"(velocity|position_local)".*\}')
+_JSON = re.compile(r'[^{]*(\{.*"type"\s*:\s*"(velocity|position_local)".*\})')
 _POSITION = ("ts", "x", "y", "z", "std", "roll", "pitch", "yaw", "status")
 _LARGEST = np.array([1e11, *[LARGEST] * 4, *[360.0] * 3, 0.0])
 _RESET = 1.0  # [m]: a longer step to a smaller figure of merit begins a new dead reckoning
 
 
 def is_dvl(text: str) -> bool:
-    return bool(_JSON.search(text) or _SENTENCE.search(text))
+    return any(_JSON.match(line) or _SENTENCE.search(line) for line in text.splitlines())
 
 
 def read_dvl(path: Path, settings: NavigationSettings, for_priors: bool, notes: list[str]) -> NavigationLog:
@@ -62,10 +62,10 @@ def read_dvl(path: Path, settings: NavigationSettings, for_priors: bool, notes: 
 
 def _report(line: str) -> tuple[str, list[float]]:
     """What a line is: "position" with the values of _POSITION, "velocity", "invalid", "damaged", or "other"."""
-    if match := _JSON.search(line):
-        with suppress(ValueError, TypeError, RecursionError, OverflowError):
-            report = json.loads(match[0])
-            if match[1] == "velocity":
+    if match := _JSON.match(line):
+        with suppress(ValueError, TypeError, LookupError, RecursionError):
+            report = json.loads(match[1])
+            if match[2] == "velocity":
                 return ("velocity" if report["velocity_valid"] is True else "invalid"), []
             return _position([report.get(name) for name in _POSITION])
         return "damaged", []
