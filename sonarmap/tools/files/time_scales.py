@@ -11,6 +11,7 @@ TimeScale = Literal["utc", "gps", "tai"]
 TIME_SCALES: tuple[TimeScale, ...] = ("utc", "gps", "tai")
 
 WEEK = 604_800.0  # [s]
+YEAR = 365.25 * 86_400.0  # [s]
 GPS_EPOCH = 315_964_800.0  # 1980-01-06 00:00 UTC [s, Unix]
 TAI_GPS = 19.0  # TAI - GPS time [s], always
 # (Unix time, TAI - UTC from then on) [s]: IERS Bulletin C, as in IANA's leap-seconds.list; none is announced for 2026
@@ -55,6 +56,18 @@ def gps_of_utc(utc: np.ndarray) -> np.ndarray:
 def are_times(stamps: np.ndarray) -> bool:
     """Whether all stamps (n,) are Unix times from 1990 to 2100 [s]; otherwise they only give an order."""
     return bool(stamps.size and np.all((stamps >= TIMES[0]) & (stamps < TIMES[1])))
+
+
+def by_clock(times: np.ndarray) -> list[np.ndarray]:
+    """The indices of times (n,) [s], divided where they are more than a year apart, as those of two clocks are."""
+    order = np.argsort(times, kind="stable")
+    return np.split(order, 1 + np.flatnonzero(np.diff(times[order]) > YEAR))
+
+
+def years_apart(times: np.ndarray, others: np.ndarray) -> str:
+    """How far times [s] are from others, as "20.0 years after"."""
+    years = float(np.median(times) - np.median(others)) / YEAR
+    return f"{abs(years):.1f} years {'after' if years > 0 else 'before'}"
 
 
 def utc_text(stamp: float) -> str:

@@ -17,6 +17,7 @@ from sonarmap.tools.files.readers.clouds.cloud import Bounds, Cloud, Note, PingP
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
 from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading
 from sonarmap.tools.files.readers.selection import Selection, select_files
+from sonarmap.tools.files.time_scales import by_clock, years_apart
 
 Progress = Callable[[int, int, str], None]
 
@@ -320,6 +321,13 @@ def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[
     stamps = [stamp for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud]
     without = stamps.count(None)
     if without == 0:
-        return [stamp or 0.0 for stamp in own], []
+        times = np.array([stamp for stamp in stamps if stamp is not None])
+        first, *others = by_clock(times)
+        notes = [
+            f"the stamps of {len(rows)} of {len(stamps)} scans are {years_apart(times[rows], times[first])} those of "
+            "the others; if these are not two surveys, a clock was not set: leave some out, or correct their times"
+            for rows in others
+        ]
+        return [stamp or 0.0 for stamp in own], notes
     note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
     return [float(position) for position in range(len(own))], [note] if without < len(stamps) else []

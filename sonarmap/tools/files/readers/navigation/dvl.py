@@ -7,8 +7,10 @@ reckoning began, roll, pitch and yaw in degrees; the figure of merit is a standa
 import json
 import re
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +23,10 @@ from sonarmap.tools.files.user_file import reading
 _SENTENCE = re.compile(r"\b(wr[pzx]),([^*\s]+)(?:\*([0-9a-fA-F]{2}))?")
 _JSON = re.compile(r'[^{]*(\{.*"type"\s*:\s*"(velocity|position_local)".*\})')
 _POSITION = ("ts", "x", "y", "z", "std", "roll", "pitch", "yaw", "status")
-_LARGEST = np.array([1e11, *[LARGEST] * 4, *[360.0] * 3, 0.0])
+_LARGEST = np.array([1e11, *[LARGEST] * 4, *[360.0] * 3])
+_WORDS = {
+    "position": "positions", "velocity": "velocities", "invalid": "invalid reports", "damaged": "damaged ones"
+}  # fmt: skip
 _RESET = 1.0  # [m]: a longer step to a smaller figure of merit begins a new dead reckoning
 
 
@@ -39,18 +44,15 @@ def read_dvl(path: Path, settings: NavigationSettings, for_priors: bool, notes: 
             counts[kind] += 1
             if kind == "position":
                 rows.append([number, *report])
-    damaged = f"; {counts['damaged']} are damaged" if counts["damaged"] else ""
-    said = (
-        f"{counts['position']} positions, {counts['velocity']} velocities, {counts['invalid']} invalid reports{damaged}"
-    )
+    counted = ", ".join(f"{counts[kind]} {what}" for kind, what in _WORDS.items() if counts[kind])
     if len(rows) < 2:
         raise InputError(
-            f"{path} has {said}; dead reckoning needs positions: record the DVL's position_local (JSON) or wrp (serial)"
+            f"{path} has {counted}; dead reckoning needs positions: record the DVL's position_local (JSON) or wrp"
         )
     if for_priors:
         raise InputError(f"{path} is the dead reckoning of a DVL, not measured positions; give it by --odometry")
-    notes.append(f"{path}: {said}; x forward at its start is taken as North")
-    lines, times, x, y, z, std, roll, pitch, yaw, _ = np.array(rows).T
+    notes.append(f"{path}: {counted}; x forward at its start is taken as North")
+    lines, times, x, y, z, std, roll, pitch, yaw = np.array(rows).T
     values = np.column_stack([roll, pitch, yaw % 360, y, x, z])
     steps = np.linalg.norm(np.diff(values[:, 3:], axis=0), axis=1)
     for row in (1 + np.flatnonzero((steps > _RESET) & (np.diff(std) < 0))).tolist():
@@ -62,33 +64,29 @@ def read_dvl(path: Path, settings: NavigationSettings, for_priors: bool, notes: 
 
 def _report(line: str) -> tuple[str, list[float]]:
     """What a line is: "position" with the values of _POSITION, "velocity", "invalid", "damaged", or "other"."""
-    if match := _JSON.match(line):
-        with suppress(ValueError, TypeError, LookupError, RecursionError):
-            report = json.loads(match[1])
-            if match[2] == "velocity":
+    is_json, sentence = _JSON.match(line), _SENTENCE.search(line)
+    if not is_json and not sentence:
+        return "other", []
+    with suppress(ValueError, TypeError, LookupError, RecursionError):
+        if is_json:
+            report = json.loads(is_json[1])
+            if is_json[2] == "velocity":
                 return ("velocity" if report["velocity_valid"] is True else "invalid"), []
-            return _position([report.get(name) for name in _POSITION])
-        return "damaged", []
-    match = _SENTENCE.search(line)
-    if match is None:
-        return ("damaged" if '"position_local"' in line else "other"), []
-    fields = match[2].split(",")
-    if match[3] is None or _crc8(f"{match[1]},{match[2]}".encode()) != int(match[3], 16):
-        return "damaged", []
-    if match[1] == "wrp":
-        with suppress(ValueError):
-            return _position([float(each) for each in fields])
-        return "damaged", []
-    valid = fields[3:4] if match[1] == "wrz" else fields[6:7]
-    return ("velocity" if valid == ["y"] else "invalid"), []
+            return _position([report[name] for name in _POSITION])
+        if sentence and _crc8(f"{sentence[1]},{sentence[2]}".encode()) == int(sentence[3], 16):
+            fields = sentence[2].split(",")
+            if sentence[1] == "wrp":
+                return _position(fields)
+            return ("velocity" if fields[3 if sentence[1] == "wrz" else 6] == "y" else "invalid"), []
+    return "damaged", []
 
 
-def _position(values: list[float]) -> tuple[str, list[float]]:
+def _position(fields: Sequence[Any]) -> tuple[str, list[float]]:
     """A position, whose status is 0 if it is right."""
-    numbers = np.array(values, np.float64)
-    if len(numbers) != len(_POSITION) or not (np.abs(numbers[:-1]) <= _LARGEST[:-1]).all():
+    *values, status = (float(each) for each in fields)
+    if len(values) != len(_LARGEST) or not (np.abs(values) <= _LARGEST).all():
         raise ValueError
-    return ("position" if numbers[-1] == 0 else "invalid"), numbers.tolist()
+    return ("position" if status == 0 else "invalid"), values
 
 
 def _crc8(content: bytes) -> int:

@@ -1,10 +1,11 @@
 """Rows of a navigation log that cannot be right, recognized by the log alone, and left out with their line numbers.
 
-Between two rows a vehicle moves about as fast as it usually does around them. A log is divided where it moves faster;
-the pieces that are kept are the chain that the vehicle could pass through, with the least evidence left out. A value
-that is repeated exactly, as -9999, is evidence once, so that a constant is left out however many rows hold it.
+Impossible constants, as -9999, come first: they may be in half of the rows. Then jumps: between two rows a vehicle moves
+about as fast as it usually does around them. A log is divided where it moves faster, and the pieces that are kept are a
+chain that the vehicle could pass through, with the fewest rows left out.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault
+from sonarmap.tools.files.time_scales import YEAR, by_clock, years_apart
 
 # Kinds of measurements: their columns, and a speed that is never a jump [m/s or degrees/s]
 _KINDS = {
@@ -35,7 +37,6 @@ _FASTER = 4.0  # times the usual speed is a jump
 _FEW, _MOST_FEW = 0.1, 30  # share of all rows, and number of rows between two jumps, that may be wrong
 _LOOK_BACK = 1000  # pieces that are left out in a row at most
 _TOO_FAR = "far from the rows around, farther than the vehicle gets in the time between"
-_YEAR = 365.25 * 86_400.0  # [s]: rows farther apart are of different clocks
 
 
 def usable_rows(
@@ -80,12 +81,8 @@ def usable_rows(
 def _named(log: NavigationLog, kind: str, columns: np.ndarray, rows: np.ndarray) -> list[RowFault]:
     """The faults of rows; those with a repeated value name it."""
     texts = [", ".join(log.text(row, k) for k in columns.tolist()) for row in rows.tolist()]
-    lines = log.lines[rows].tolist()
-    repeated = {text for text in texts if texts.count(text) > 1} if len(set(texts)) < len(texts) else set[str]()
-    return [
-        RowFault(line, kind, f"{text}, {_TOO_FAR}" if text in repeated else _TOO_FAR)
-        for line, text in zip(lines, texts, strict=True)
-    ]
+    reasons = {text: f"{text}, {_TOO_FAR}" if count > 1 else _TOO_FAR for text, count in Counter(texts).items()}
+    return [RowFault(line, kind, reasons[text]) for line, text in zip(log.lines[rows].tolist(), texts, strict=True)]
 
 
 def fault_notes(faults: Sequence[RowFault], listed: int = 5) -> list[str]:
@@ -105,18 +102,13 @@ def fault_notes(faults: Sequence[RowFault], listed: int = 5) -> list[str]:
 def _wrong_times(times: np.ndarray, stamps: np.ndarray) -> list[tuple[int, str]]:
     """Rows of another clock, years from the others, and rows whose time is not between those of their neighbors,
     although these are in order."""
-    order = np.argsort(times, kind="stable")
-    clocks = np.split(order, 1 + np.flatnonzero(np.diff(times[order]) > _YEAR))
-    middle = float(np.median(stamps)) if len(stamps) else np.nan
-    kept = max(clocks, key=lambda rows: (abs(times[rows[0]] - middle) < _YEAR, len(rows)))
+    clocks, middle = by_clock(times), float(np.median(stamps)) if len(stamps) else np.nan
+    kept = max(clocks, key=lambda rows: (abs(times[rows[0]] - middle) < YEAR, len(rows)))
     wrong = list[tuple[int, str]]()
     for rows in clocks:
-        years = float(np.median(times[rows]) - np.median(times[kept])) / _YEAR
         if rows is not kept:
-            side = "after" if years > 0 else "before"
-            wrong += [
-                (row, f"the time is {abs(years):.1f} years {side} that of the other rows") for row in rows.tolist()
-            ]
+            reason = f"the time is {years_apart(times[rows], times[kept])} that of the other rows"
+            wrong += [(row, reason) for row in rows.tolist()]
     rows = np.sort(kept)
     before, own, behind = times[rows[:-2]], times[rows[1:-1]], times[rows[2:]]
     misplaced = rows[1:-1][(before <= behind) & ((own < before) | (own > behind))]

@@ -83,53 +83,33 @@ def at_scans(
         rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         if not len(rows):
             continue
-        series = values[np.ix_(rows, columns)]
-        if columns[0] <= _HEADING:
+        series, is_angle = values[np.ix_(rows, columns)], columns[0] <= _HEADING
+        if is_angle:
             series = np.degrees(np.unwrap(np.radians(series), axis=0))
+        reach = SAME_STAMP if is_angle else max(apart / 2, SAME_STAMP)
         measured = times[rows], series, sigmas[np.ix_(rows, columns)]
-        known[:, columns], deviations[:, columns] = _interpolated(stamps, *measured)
-        if columns[0] > _HEADING:
-            single = np.isnan(known[:, columns[0]])
-            fixes = _attached(stamps, *measured, apart / 2)
-            known[np.ix_(single, columns)], deviations[np.ix_(single, columns)] = (each[single] for each in fixes)
+        known[:, columns], deviations[:, columns] = _interpolated(stamps, *measured, reach)
     return known, deviations
 
 
 def _interpolated(
-    stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray
+    stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(N, m) values between two measurements or at one, NaN where unknown, and standard deviations, inf there."""
+    """(N, m) values at a measurement, between two, or of the nearest within `reach` [s]; NaN where unknown; and
+    standard deviations, inf there."""
     known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
-    after = np.clip(np.searchsorted(times, stamps), 0, len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    for near in (before, after):
-        same = np.abs(times[near] - stamps) <= SAME_STAMP
-        known[same], deviations[same] = values[near[same]], sigmas[near[same]]
-    between = (times[before] < stamps) & (stamps < times[after]) & (times[after] - times[before] <= MOST_BETWEEN)
-    between &= np.isnan(known[:, 0])
-    a, b = before[between], after[between]
+    b = np.clip(np.searchsorted(times, stamps), 0, len(times) - 1)
+    a = np.maximum(b - 1, 0)
+    nearest = np.where(np.abs(times[a] - stamps) < np.abs(times[b] - stamps), a, b)
+    away = np.abs(times[nearest] - stamps)
+    near = away <= reach
+    known[near] = values[nearest[near]]
+    deviations[near] = np.hypot(sigmas[nearest[near]], (_SPEED * np.where(away > SAME_STAMP, away, 0.0))[near, None])
+    between = (away > SAME_STAMP) & (times[a] < stamps) & (stamps < times[b]) & (times[b] - times[a] <= MOST_BETWEEN)
+    a, b = a[between], b[between]
     share = ((stamps[between] - times[a]) / (times[b] - times[a]))[:, None]
     known[between] = (1 - share) * values[a] + share * values[b]
     deviations[between] = np.maximum(sigmas[a], sigmas[b])
-    return known, deviations
-
-
-def _attached(
-    stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray, reach: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Assign each measurement to the nearest scan within `reach` [s], and keep the nearest one of each scan; the result
-    is that of `_interpolated`."""
-    known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
-    order = np.argsort(stamps, kind="stable")
-    after = np.clip(np.searchsorted(stamps[order], times), 0, len(order) - 1)
-    before = np.maximum(after - 1, 0)
-    is_before = np.abs(stamps[order[before]] - times) <= np.abs(stamps[order[after]] - times)
-    nearest = order[np.where(is_before, before, after)]
-    away = np.abs(stamps[nearest] - times)
-    within = np.flatnonzero(away <= reach)[::-1]
-    for row in within[np.argsort(-away[within], kind="stable")].tolist():  # the nearest wins, of two the first
-        known[nearest[row]] = values[row]
-        deviations[nearest[row]] = np.hypot(sigmas[row], _SPEED * away[row])
     return known, deviations
 
 

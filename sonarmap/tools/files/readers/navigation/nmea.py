@@ -155,16 +155,18 @@ def _sentences_of(line: str) -> list[tuple[str, str, list[str], bool | None]]:
 
 def _take(number: int, talker: str, sentence: str, fields: list[str], read: _Sentences) -> None:
     """Add a sentence to those that were read."""
+    named = dict(zip(_FIELDS.get(sentence, "").split(), fields, strict=False))
+    if sentence == "PASHR" and time_of_day(named.get("time", "")) is None:
+        sentence = ",".join(["PASHR", *fields[:1]])  # others of that maker
     if sentence not in _FIELDS:
         read.unused[sentence + _NOT_USED.get(sentence, "")] += 1
         return
-    named = dict(zip(_FIELDS[sentence].split(), fields, strict=False))
-    if sentence == "PASHR" and time_of_day(named.get("time", "")) is None:  # others of that maker
-        read.unused[f"PASHR,{fields[0]}" if fields else "PASHR"] += 1
-        return
     try:
-        if "time" in _FIELDS[sentence] and not _add_time(number, named, read):
+        if named.get("time", "-") == "":  # before the receiver knows it
+            read.unfixed += 1
             return
+        if "time" in _FIELDS[sentence]:
+            read.timed.append((number, *_time(named)))
         measurement = _measurement(number, talker, sentence, named, read)
     except (ValueError, LookupError, OverflowError):
         read.damaged += 1
@@ -175,25 +177,17 @@ def _take(number: int, talker: str, sentence: str, fields: list[str], read: _Sen
         read.measurements.append(measurement)
 
 
-def _add_time(number: int, named: Mapping[str, str], read: _Sentences) -> bool:
-    """Add the time of a sentence; whether it has one."""
-    if not named["time"]:
-        read.unfixed += 1  # before the receiver knows the time
-        return False
-    of_day, day = time_of_day(named["time"]), np.nan
+def _time(named: Mapping[str, str]) -> tuple[float, float]:
+    """The second of the day, and the Unix day or NaN."""
+    of_day, parts = time_of_day(named["time"]), [named.get(name, "") for name in ("year", "month", "day")]
     if of_day is None:
         raise ValueError
-    if named.get("year") and named["month"] and named["day"]:
-        day = _day(int(named["year"]), int(named["month"]), int(named["day"]))
     if date := named.get("date"):
-        year = int(date[4:6])
-        day = _day(year + (2000 if year < 80 else 1900), int(date[2:4]), int(date[:2]))
-    read.timed.append((number, of_day, day))
-    return True
-
-
-def _day(year: int, month: int, day: int) -> float:
-    return datetime(year, month, day, tzinfo=UTC).timestamp() / DAY
+        parts = [f"{19 + (date[4:6] < '80')}{date[4:6]}", date[2:4], date[:2]]
+    if not all(parts):
+        return of_day, np.nan
+    year, month, day = map(int, parts)
+    return of_day, datetime(year, month, day, tzinfo=UTC).timestamp() / DAY
 
 
 def _measurement(

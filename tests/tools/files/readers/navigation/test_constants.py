@@ -7,6 +7,7 @@ import pytest
 
 from sonarmap.tools.files.readers.navigation.faults import fault_notes, usable_rows
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
+from sonarmap.tools.files.readers.scans import stamps_of
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, scans_at
 
@@ -129,6 +130,15 @@ def test_half_of_the_rows_twenty_years_ahead_are_named(tmp_path: Path) -> None:
         values, _, notes = read(tmp_path / "log.csv", "\n".join(["time,depth", *rows, ""]), scans=scans)
         np.testing.assert_allclose(values[:, 5], [10.04, 10.2], atol=1e-6)
         assert any("30 rows are left out" in note and "20.0 years after that of the other" in note for note in notes)
+
+
+def test_half_of_the_scans_twenty_years_ahead_are_named() -> None:
+    stamps = [START + k + 20 * 365.25 * 86400 * (k % 2) for k in range(60)]
+    kept, (note,) = stamps_of(stamps, [True] * 60)
+    assert kept == stamps
+    assert "30 of 60 scans are 20.0 years after those of the others" in note
+    assert stamps_of([START + k for k in range(60)], [True] * 60)[1] == []
+    assert stamps_of([float(k) for k in range(60)], [True] * 60)[1] == []
 
 
 def test_rows_beyond_the_scans_are_used_and_cause_no_complaint(tmp_path: Path) -> None:
