@@ -1,8 +1,8 @@
 """Rows of a navigation log that cannot be right, recognized by the log alone, and left out with their line numbers.
 
-Impossible constants, as -9999, come first: they may be in half of the rows. Then jumps: between two rows a vehicle moves
-about as fast as it usually does around them. A log is divided where it moves faster, and the pieces that are kept are a
-chain that the vehicle could pass through, with the fewest rows left out.
+Impossible constants, as -9999, come first: they may be in half of the rows. Then jumps: between two rows a vehicle
+moves about as fast as it usually does around them. A log is divided where it moves faster, and the pieces that are kept
+are a chain that the vehicle could pass through, with the fewest rows left out.
 """
 
 from collections import Counter
@@ -75,7 +75,7 @@ def usable_rows(
         wrong = rows[_leaps(log.times[rows], series, slow, *most)]
         faults += _named(log, kind, columns, wrong)
         values[np.ix_(wrong, columns)] = np.nan
-    return replace(log, values=values), sorted(faults, key=lambda fault: fault.line)
+    return replace(log, values=values), sorted(dict.fromkeys(faults), key=lambda fault: fault.line)
 
 
 def _named(log: NavigationLog, kind: str, columns: np.ndarray, rows: np.ndarray) -> list[RowFault]:

@@ -250,7 +250,7 @@ def _with_units(table: CsvTable) -> CsvTable:
     units = table.rows[0].cells if table.rows else []
     if len(units) != len(table.heading.cells) or not any(map(is_unit, units)):
         return table
-    if any(np.isfinite(number(cell)) or ":" in cell for cell in units):
+    if any(np.isfinite(number(cell)) for cell in units):
         return table
     named = [
         f"{cell} ({unit.strip('()[] ')})" if is_unit(unit) else cell
@@ -272,7 +272,7 @@ def _values(
         quaternions = np.stack([_column(table, name, notes, faults) for name in QUATERNION], axis=1)
         known = np.linalg.norm(quaternions, axis=1) > LEAST_SIGMA
         values[known, 2::-1] = Rotation.from_quat(quaternions[known]).as_euler("ZYX", degrees=True)
-    if len(values) >= MIN_ROWS and not table.columns.is_own and (values[:, :3] == 0).all():
+    elif len(values) >= MIN_ROWS and not table.columns.is_own and (values[:, :3] == 0).all():
         notes.append(f"{table.path}: roll, pitch and heading are 0 in all rows, as if not measured; they are left out")
         values[:, :3] = np.nan
     if settings.points_up:

@@ -32,8 +32,9 @@ _NO_SIGMAS: Mapping[str, float] = MappingProxyType({})
 _UNKNOWN_TILT = 0.2  # [rad], standard deviation of roll and pitch that were not measured
 _MAX_MOUNT_TILT = 30.0  # [deg], of a mount on a vehicle without measured roll and pitch
 _FRD_TO_FLU = np.array([1.0, -1.0, -1.0])  # forward, right, down to forward, left, up, and back
-_FAR = 1.0  # [deg]: positions farther from the median are not of the survey, if they are few different ones
-_CONSTANTS, _LEAST_ROWS = 4, 12
+_DEGREE = 111_195.0  # [m] of latitude, on a sphere
+_FAR = 1.0  # [deg]: positions farther from the median are not of the survey
+_CONSTANTS, _LEAST_ROWS = 4, 12  # different positions that are, and rows from which on it is known
 _ROUNDED = 5  # decimals of the origin's degrees, about a meter
 
 
@@ -189,17 +190,7 @@ def local_places(
     order of COLUMNS, with longitude and latitude [deg] (`are_degrees`) or easting and northing [m] for x and y."""
     values = values.copy()
     known = np.isfinite(values[:, 3:5]).all(axis=1)
-    if are_degrees:
-        places = values[known, 3:5]
-        off = np.abs((places - np.median(places, axis=0) + 180) % 360 - 180) if len(places) else places
-        lost = (places == 0).all(axis=1) | ((off > _FAR).any(axis=1) & (len(places) >= _LEAST_ROWS))
-        constants, counts = np.unique(places[lost], axis=0, return_counts=True)
-        if len(constants) <= _CONSTANTS:
-            for (longitude, latitude), count in zip(constants.tolist(), counts.tolist(), strict=True):
-                notes.append(
-                    f"{count} rows are at {latitude:g}, {longitude:g}, as without a fix; these positions are left out"
-                )
-            known[known] = ~lost
+    known[known] = ~_without_fix(values[known, 3:5], are_degrees, notes)
     values[~known, 3:5] = np.nan
     if not known.any():
         raise InputError("no row has a position; wanted a latitude and longitude, or an easting and northing")
@@ -216,6 +207,24 @@ def local_places(
     geodetic[:, 2] += origin.height
     values[known, 3:5] = origin.local(geodetic)[:, :2]
     return values, origin
+
+
+def _without_fix(places: np.ndarray, are_degrees: bool, notes: list[str]) -> np.ndarray:
+    """(n,) bool: positions [deg or m] at 0, 0, or at few places that are far from all others."""
+    unset = (places == 0).all(axis=1) & are_degrees
+    if unset.any():
+        notes.append(f"{unset.sum()} rows are at 0, 0, as without a fix; these positions are left out")
+    if (~unset).sum() < _LEAST_ROWS:
+        return unset
+    off = places - np.median(places[~unset], axis=0)
+    off = (off + 180) % 360 - 180 if are_degrees else off / _DEGREE
+    far = (np.abs(off) > _FAR).any(axis=1) & ~unset
+    constants, counts = np.unique(places[far], axis=0, return_counts=True)
+    if len(constants) > _CONSTANTS or far.mean() > 0.5:
+        return unset
+    for (x, y), count in zip(constants.tolist(), counts.tolist(), strict=True):
+        notes.append(f"{count} rows are at {y:g}, {x:g}, as without a fix; these positions are left out")
+    return unset | far
 
 
 def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georeference:
