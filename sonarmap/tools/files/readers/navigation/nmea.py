@@ -95,7 +95,7 @@ class _Sentences:
 
 def is_nmea(text: str) -> bool:
     """Whether there is a sentence with a checksum, or one that is known."""
-    known = (match[4] or (match[2] in _FIELDS and match[3]) for match in _SENTENCE.finditer(text))
+    known = (match[4] or (_name(match) in _FIELDS and match[3]) for match in _SENTENCE.finditer(text))
     return any(known) or any(_TSS1.fullmatch(line.strip()) for line in text.splitlines())
 
 
@@ -148,9 +148,13 @@ def _sentences_of(line: str) -> list[tuple[str, str, list[str], bool | None]]:
         is_right = None if line[match.end() : match.end() + 1] != "*" else False
         if match[4]:
             is_right = reduce(xor, match[0][1:-3].encode("latin-1"), 0) == int(match[4][1:], 16)
-        sentence = match[1] + match[2] if match[1].startswith("P") else match[2]
-        found.append((match[1], sentence, match[3].split(",")[1:], is_right))
+        found.append((match[1], _name(match), match[3].split(",")[1:], is_right))
     return found
+
+
+def _name(match: re.Match[str]) -> str:
+    """The name of a sentence: proprietary ones have no talker."""
+    return match[1] + match[2] if match[1].startswith("P") else match[2]
 
 
 def _take(number: int, talker: str, sentence: str, fields: list[str], read: _Sentences) -> None:
@@ -267,13 +271,14 @@ def _log(path: Path, read: _Sentences, scans: np.ndarray, notes: list[str]) -> N
     before = np.isfinite(values[:, 3])
     is_magnetic = np.array([row.sentence in ("HDG", "HDM") for row in rows])
     values = _first_ranks(times, is_magnetic, values)
-    for talker in dict.fromkeys(talkers.tolist()):
-        own = talkers == talker
+    of_talkers = {talker: talkers == talker for talker in dict.fromkeys(talkers.tolist())}
+    for own in of_talkers.values():
         values[own] = _first_ranks(times[own], ranks[own], values[own])
         north = np.nan_to_num(values[own, 4])
         meters = _DEGREE * values[own, 3:5] * np.column_stack([np.cos(np.radians(north)), np.ones(len(north))])
         refuse_alternating(path, times[own], meters, lines[own])
-    _refuse_contradictions(path, {each: tuple(x[talkers == each] for x in (times, values, sigmas)) for each in talkers})
+    logs = {talker: (times[own], values[own], sigmas[own]) for talker, own in of_talkers.items()}
+    _refuse_contradictions(path, logs)
     values = _first_ranks(times, ranks, values)
     for row in np.flatnonzero(before & np.isnan(values[:, 3])).tolist():
         read.unused[f"places of {rows[row].sentence}"] += 1

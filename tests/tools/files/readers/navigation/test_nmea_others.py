@@ -90,6 +90,12 @@ def test_attitude_and_headings(
     )
 
 
+@pytest.mark.parametrize("checked", [True, False])
+def test_attitude_alone_is_read(path: Path, checked: bool) -> None:
+    values, *_ = read(path, log("PASHR,{t},{h},T,-0.62,0.25,,0.029,0.030,0.502,2,3", checked=checked), scans=SCAN)
+    np.testing.assert_allclose(values[:, :3], [[-0.62, 0.25, 100], [-0.62, 0.25, 105.5]], atol=1e-6)
+
+
 def test_magnetic_headings_need_a_declination(path: Path) -> None:
     """From the option, from the sentence, from RMC, or none: then the note says what to do."""
     gga, hdm = "GPGGA,{t},{p},4,12,0.6,2.1,M,44.0,M,,", "HCHDM,{h},M"
