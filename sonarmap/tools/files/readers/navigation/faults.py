@@ -26,10 +26,7 @@ MIN_ROWS = 12  # of a kind, for its usual steps to be known
 _CANDIDATES = 8  # most distant and most frequent values that may be impossible constants
 _LEAST_QUANTILE = 0.25  # of the steps between other values: half of these values may be wrong too
 _FARTHER = 25.0  # times that quantile is an impossible step
-_NEAR = 5  # steps before and after a run; the second smallest is
-_FARTHER_AROUND = 10.0  # times smaller than an impossible one
-_IMPOSSIBLE = 10.0  # times the speed that is never a jump is one, if the step is
-_FARTHER_AT_ONCE = 3.0  # times those around
+_IMPOSSIBLE = 10.0  # times the speed that is never a jump is one
 _ALONE = 8.0  # times the 75 % quantile of the speed to the nearer neighbor: alone
 _USUAL_QUANTILE = 0.95  # of the steps' speeds, is the usual speed
 _WINDOW = 21  # steps, of which the median is the usual speed there
@@ -121,56 +118,56 @@ def _constants(times: np.ndarray, column: np.ndarray, slow: float) -> np.ndarray
     wrong = np.zeros(len(column), bool)
     while (~wrong).sum() > MIN_ROWS:
         rows = np.flatnonzero(~wrong)
-        if not (np.abs(np.diff(column[rows])) > slow * np.diff(times[rows])).any():
+        first = rows[np.append(True, np.diff(column[rows]) != 0)]  # of each run of a value
+        last = rows[np.append(np.diff(column[rows]) != 0, True)]
+        runs, counts = column[first], np.diff(np.append(np.searchsorted(rows, first), len(rows)))
+        spans = np.concatenate([[np.nan], times[first[1:]] - times[last[:-1]], [np.nan]])
+        ways = np.abs(np.diff(np.concatenate([[np.nan], runs, [np.nan]])))
+        if not (ways > slow * spans).any():
             break
-        values, counts = np.unique(column[rows], return_counts=True)
-        distant = np.argsort(-np.abs(values - np.median(column[rows])), kind="stable")
-        frequent = np.argsort(-counts, kind="stable")[:_CANDIDATES]
-        for k in [distant[0], *distant[counts[distant] > 1][:_CANDIDATES], *frequent[counts[frequent] > 1]]:
-            far = rows[_far(times[rows], column[rows], values[k], slow)]
-            if 0 < len(far) <= len(column) / 2:
-                wrong[far] = True
-                break
-        else:
+        far = _impossible(runs, counts, ways, spans, slow, len(column) / 2 - wrong.sum())
+        if not far.any():
             break
+        wrong[rows[np.repeat(far, counts)]] = True
     return wrong
 
 
-def _far(times: np.ndarray, column: np.ndarray, value: float, slow: float) -> np.ndarray:
-    """(n,) bool: the rows with a value that are far from the rows around them, if these are more."""
-    is_value = column == value
-    others = np.flatnonzero(~is_value)
-    if len(others) < MIN_ROWS:
-        return np.zeros(len(column), bool)
-    steps = np.abs(np.diff(column[others]))
-    usual = float(np.quantile(steps[steps > 0], _LEAST_QUANTILE)) if (steps > 0).any() else 0.0
-    first = np.flatnonzero(is_value & ~np.append(False, is_value[:-1]))  # of each run
-    last = np.flatnonzero(is_value & ~np.append(is_value[1:], False))
-    after = np.searchsorted(others, first)  # the row of the others behind a run
-    jump, around, speed = np.full((3, len(first)), np.inf)  # to the nearer neighbor
-    padded = np.concatenate([np.full(_NEAR, np.inf), steps, np.full(_NEAR, np.inf)])
-    for has, row, end, own in (
-        (after > 0, others[np.maximum(after - 1, 0)], after - 1, first),
-        (after < len(others), others[np.minimum(after, len(others) - 1)], after + _NEAR, last),
-    ):
-        way, span = np.abs(column[row] - value), np.abs(times[row] - times[own])
-        jump = np.where(has, np.minimum(jump, way - slow * span), jump)
-        speed = np.where(has, np.minimum(speed, way / np.maximum(span, 1e-9)), speed)
-        side = np.sort(padded[np.clip(end[:, None] + np.arange(_NEAR), 0, len(padded) - 1)], axis=1)[:, 1]
-        around = np.where(has, np.minimum(around, side), around)
-    around = np.where(np.isfinite(around), around, 0)
-    is_inside = (after > 0) & (after < len(others))
-    far = (jump > np.maximum(_FARTHER * usual, _FARTHER_AROUND * around)) & is_inside
-    far |= (jump > _FARTHER_AT_ONCE * around) & (speed > _IMPOSSIBLE * slow)
-    far &= (is_value.sum() > 1) & (far.mean() > 0.5)
-    between = np.diff(np.concatenate([[0], after, [len(others)]]))  # rows of others before and after each run
-    beside = np.sort(between[np.append(far, False) | np.append(False, far)])
-    fewer = (last - first + 1)[far].sum() < beside[: -1 if far.sum() > 2 else None].sum()
-    alone = np.abs(column[others] - value).min() > np.ptp(column[others])
-    far = (jump > 0) if alone else far & fewer
-    chosen = np.zeros(len(column), bool)
-    chosen[is_value] = np.repeat(far, last - first + 1)
-    return chosen
+def _impossible(
+    runs: np.ndarray, counts: np.ndarray, ways: np.ndarray, spans: np.ndarray, slow: float, most: float
+) -> np.ndarray:
+    """(r,) bool: the runs of the first impossible value; none if there is none.
+
+    Args:
+        runs, counts: (r,) values and numbers of rows.
+        ways, spans: (r + 1,) distances and times [s] between runs; NaN before the first and behind the last.
+        most: number of rows that the value may have.
+    """
+    values, of_value = np.unique(runs, return_inverse=True)
+    total = np.bincount(of_value, counts)
+    jumps = np.fmin((ways - slow * spans)[:-1], (ways - slow * spans)[1:])  # to the nearer neighbor
+    speeds = np.fmin((ways / spans)[:-1], (ways / spans)[1:])
+    is_inside = np.isfinite(ways[:-1] + ways[1:])
+    before = np.append(0, np.cumsum(counts))
+    distant = np.argsort(-np.abs(values - np.median(np.repeat(runs, counts))), kind="stable")
+    frequent = np.argsort(-total, kind="stable")[:_CANDIDATES]
+    for k in [distant[0], *distant[total[distant] > 1][:_CANDIDATES], *frequent[total[frequent] > 1]]:
+        own, others = np.flatnonzero(of_value == k), runs[of_value != k]
+        if len(others) == 0 or total[k] > most:
+            continue
+        steps = np.abs(np.diff(others))
+        usual = np.quantile(steps[steps > 0], _LEAST_QUANTILE) if (steps > 0).any() else 0.0
+        far = (is_inside[own] & (jumps[own] > _FARTHER * usual)) | (speeds[own] > _IMPOSSIBLE * slow)
+        far &= (jumps[own] > 0) & (total[k] > 1) & (far.mean() > 0.5)
+        # rows of others before, between and behind these runs; without the most, if there are several
+        until = np.append(before[own], before[-1]) - np.append(0, np.cumsum(counts[own]))
+        between = np.diff(until, prepend=0)
+        beside = np.sort(between[np.append(far, False) | np.append(False, far)])
+        far &= counts[own][far].sum() < beside[: -1 if far.sum() > 2 else None].sum()
+        if np.abs(others - values[k]).min() > np.ptp(others):
+            far = jumps[own] > 0
+        if far.any():
+            return np.isin(np.arange(len(runs)), own[far])
+    return np.zeros(len(runs), bool)
 
 
 def _leaps(times: np.ndarray, series: np.ndarray, slow: float, fastest: float, noise: float) -> np.ndarray:

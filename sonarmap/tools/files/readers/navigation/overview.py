@@ -3,7 +3,7 @@
 import codecs
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -196,6 +196,8 @@ class _Table:
     columns: Columns
     rows: Sequence[CsvRow]
     cells: Mapping[str, list[str]]  # {quantity of a used column: its cell in each row}
+    notes: list[str]
+    faults: list[RowFault] = field(default_factory=list[RowFault])  # cells with an impossible value
 
     def where(self, row: int) -> str:
         return f"{self.path}: line {self.rows[row].line}"
@@ -219,14 +221,13 @@ def read_table(
             row.cells.pop()
     raw.require_even()
     cells = {name: [row.cells[column.index] for row in raw.rows] for name, column in columns.of.items()}
-    table = _Table(path, columns, raw.rows, cells)
+    table = _Table(path, columns, raw.rows, cells, notes)
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted one per scan")
     notes += [f"{path}: {note}" for note in columns.notes]
     notes += raw.notes
-    faults = list[RowFault]()
-    values, georeference = _values(table, settings, notes, faults)
-    deviations = _sigmas(table, settings, faults)
+    values, georeference = _values(table, settings)
+    deviations = _sigmas(table, settings)
     _check_rows(table, values, deviations, sigmas)
     lines = np.array([row.line for row in table.rows])
     _refuse_above_water(table, values[:, 5])
@@ -241,7 +242,7 @@ def read_table(
         refuse_alternating(path, times, values[:, 3:5], lines)
     written = {COLUMNS[k]: cells[name] for k, names in enumerate(SOURCES) for name in names if name in cells}
     return NavigationLog(
-        columns.key, lines, tuple(keys), times, values, deviations, georeference, tuple(faults), written
+        columns.key, lines, tuple(keys), times, values, deviations, georeference, tuple(table.faults), written
     )
 
 
@@ -259,21 +260,21 @@ def _with_units(table: CsvTable) -> CsvTable:
     return replace(table, heading=replace(table.heading, cells=named), rows=table.rows[1:])
 
 
-def _values(
-    table: _Table, settings: NavigationSettings, notes: list[str], faults: list[RowFault]
-) -> tuple[np.ndarray, Georeference | None]:
+def _values(table: _Table, settings: NavigationSettings) -> tuple[np.ndarray, Georeference | None]:
     """(n, 6) values in the order, units and signs of COLUMNS, NaN where not measured; the georeference, if known."""
     values = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, names in enumerate(SOURCES):
         for name in names:
             if name in table.columns.of and name not in QUATERNION:
-                values[:, k] = _column(table, name, notes, faults)
+                values[:, k] = _column(table, name)
     if "qw" in table.columns.of:
-        quaternions = np.stack([_column(table, name, notes, faults) for name in QUATERNION], axis=1)
+        quaternions = np.stack([_column(table, name) for name in QUATERNION], axis=1)
         known = np.linalg.norm(quaternions, axis=1) > LEAST_SIGMA
         values[known, 2::-1] = Rotation.from_quat(quaternions[known]).as_euler("ZYX", degrees=True)
     elif len(values) >= MIN_ROWS and not table.columns.is_own and (values[:, :3] == 0).all():
-        notes.append(f"{table.path}: roll, pitch and heading are 0 in all rows, as if not measured; they are left out")
+        table.notes.append(
+            f"{table.path}: roll, pitch and heading are 0 in all rows, as if not measured; they are left out"
+        )
         values[:, :3] = np.nan
     if settings.points_up:
         values[:, 1] *= -1
@@ -285,11 +286,11 @@ def _values(
         values[:, 5] *= -1
     if "lat_deg" in table.columns.of or ("easting_m" in table.columns.of and settings.crs is not None):
         with naming(table.path):
-            return local_places(values, "lat_deg" in table.columns.of, settings, notes)
+            return local_places(values, "lat_deg" in table.columns.of, settings, table.notes)
     if "qw" not in table.columns.of:
         _refuse_degrees(table, values)
     if "easting_m" in table.columns.of:
-        _refuse_grid(table, values, notes)
+        _refuse_grid(table, values)
     elif _is_north_first(table, settings):
         values[:, [3, 4]] = values[:, [4, 3]]
     return values, None
@@ -300,9 +301,8 @@ def _is_north_first(table: _Table, settings: NavigationSettings) -> bool:
     return "x_m" in table.columns.of and settings.frame is not None and not settings.points_up
 
 
-def _column(table: _Table, name: str, notes: list[str], faults: list[RowFault]) -> np.ndarray:
-    """(n,) values of one column in the unit of its quantity, NaN where its cell is empty or holds an impossible value,
-    which is added to `faults`."""
+def _column(table: _Table, name: str) -> np.ndarray:
+    """(n,) values of one column in the unit of its quantity, NaN where its cell is empty or has an impossible value."""
     cells, column = table.cells[name], table.columns.of[name]
     values, bad = numbers(cells, table.columns.is_own)
     wanted = "a finite number, or an empty cell for what was not measured"
@@ -311,14 +311,16 @@ def _column(table: _Table, name: str, notes: list[str], faults: list[RowFault]) 
         bad, wanted = bad & np.isnan(values), "degrees, as 60.3913 or 60 23.478 N"
     for row in np.flatnonzero(bad).tolist():
         raise refuse(table.where(row), column.heading, cells[row], wanted)
-    values *= column.factor * _whole_unit(table, name, values, notes)
+    values *= column.factor * _whole_unit(table, name, values)
     quantity = "heading_deg" if name == "yaw_deg" else name
     most = _ON_EARTH.get(name, LARGEST_OF.get(quantity, LARGEST))
     wrong = (np.abs(values) > most) | ((name in SIGMA_COLUMNS) & (values < LEAST_SIGMA))
     rows = np.flatnonzero(wrong).tolist()
     if len(cells) >= MIN_ROWS and wrong.mean() <= 0.5 and len({cells[row] for row in rows}) <= _CONSTANTS:
         kind = _KINDS.get(name, "standard deviation")
-        faults += [RowFault(table.rows[row].line, kind, f"{cells[row]}, which no instrument measures") for row in rows]
+        table.faults.extend(
+            RowFault(table.rows[row].line, kind, f"{cells[row]}, which no instrument measures") for row in rows
+        )
         values[wrong] = np.nan
     elif rows and name in _ON_EARTH:
         raise InputError(
@@ -332,7 +334,7 @@ def _column(table: _Table, name: str, notes: list[str], faults: list[RowFault]) 
     return values
 
 
-def _whole_unit(table: _Table, name: str, values: np.ndarray, notes: list[str]) -> float:
+def _whole_unit(table: _Table, name: str, values: np.ndarray) -> float:
     """The unit of a column of whole numbers, as MAVLink has them, whose heading does not name it: 1e-7 degrees of
     latitude or longitude, 0.01 degrees of a heading; 1 for other numbers. Depths of thousands are refused."""
     column, known = table.columns.of[name], np.abs(values[np.isfinite(values)])
@@ -350,17 +352,19 @@ def _whole_unit(table: _Table, name: str, values: np.ndarray, notes: list[str]) 
         medians = [float(np.nanmedian(place)) for place in places if np.isfinite(place).any()]
         unit = 1e-7 if max(medians) > _MOST_METERS else 1.0
     if unit != 1 and name in _WHOLE and median > _WHOLE[name]:
-        notes.append(f"{table.path}: {column.heading} is taken as whole numbers of {unit:g} degrees, as in MAVLink")
+        table.notes.append(
+            f"{table.path}: {column.heading} is taken as whole numbers of {unit:g} degrees, as in MAVLink"
+        )
         return unit
     return 1.0
 
 
-def _sigmas(table: _Table, settings: NavigationSettings, faults: list[RowFault]) -> np.ndarray:
+def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
     """(n, 6) standard deviations of the file, NaN where there is none."""
     sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, name in enumerate(SIGMA_COLUMNS):
         if name in table.columns.of:
-            sigmas[:, k] = _column(table, name, [], faults)
+            sigmas[:, k] = _column(table, name)
     if _is_north_first(table, settings):
         sigmas[:, [3, 4]] = sigmas[:, [4, 3]]
     return sigmas
@@ -406,7 +410,7 @@ def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
     raise InputError(f"{table.path}: {names[0]} and {names[1]} look like degrees; call them Longitude and Latitude")
 
 
-def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
+def _refuse_grid(table: _Table, values: np.ndarray) -> None:
     """Refuse eastings and northings of a map grid without a CRS; small ones are meters from a local origin."""
     largest = np.nanmax(np.abs(values[:, 3:5]), initial=0.0)
     if largest > _GRID:
@@ -414,4 +418,4 @@ def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
         raise InputError(
             f"{table.path}: {both} reach {largest:.0f} m, as in a map grid; say which, as in --nav-crs EPSG:32632"
         )
-    notes.append(f"{table.path}: eastings and northings are taken as meters from a local origin, by true North")
+    table.notes.append(f"{table.path}: eastings and northings are taken as meters from a local origin, by true North")

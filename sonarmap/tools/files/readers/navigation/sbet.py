@@ -51,7 +51,7 @@ def read_sbet(
         notes.append(f"{path}: {int((~usable).sum())} of {len(records)} records are damaged and left out")
     rows = np.flatnonzero(usable)
     rows = rows[:: 1 + len(rows) // _MOST_ROWS]
-    seconds, latitude, longitude, height, roll, pitch, heading, wander = records[np.ix_(rows, _USED)].T
+    seconds, latitude, longitude, height, roll, pitch, heading, wander = records[rows][:, _USED].T
     angles = np.degrees([roll, pitch, (heading - wander) % (2 * np.pi), longitude, latitude])
     values, sigmas = np.column_stack([*angles, -height]), _sigmas(path, seconds)
     if needs_sigmas and np.isnan(sigmas).any() and not set(COLUMNS).issubset(settings.sigmas):

@@ -189,7 +189,7 @@ def local_places(
     """The rows with x East and y North of the map's origin, and the georeference of the origin. `values`: (n, 6) in the
     order of COLUMNS, with longitude and latitude [deg] (`are_degrees`) or easting and northing [m] for x and y."""
     values = values.copy()
-    known = np.isfinite(values[:, 3:5]).all(axis=1)
+    known = np.asarray(np.isfinite(values[:, 3:5]).all(axis=1))
     known[known] = ~_without_fix(values[known, 3:5], are_degrees, notes)
     values[~known, 3:5] = np.nan
     if not known.any():
