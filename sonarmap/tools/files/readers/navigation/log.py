@@ -155,7 +155,7 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
 
 def refuse_alternating(path: Path, times: np.ndarray, places: np.ndarray, lines: np.ndarray) -> None:
     """Refuse positions (n, 2) [m] that alternate between those of two receivers; NaN where there is none."""
-    rows = np.flatnonzero(np.isfinite(places).all(axis=1))
+    rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(times))
     rows = rows[np.argsort(times[rows], kind="stable")]
     if len(rows) < 12:
         return

@@ -53,14 +53,10 @@ _MAGNETIC = " (magnetic; give --magnetic-declination)"
 _KINDS = {"4": "RTK", "R": "RTK", "5": "floating RTK", "F": "floating RTK", "2": "DGNSS", "D": "DGNSS"}
 # Positions that no receiver measured, by the same
 _NO_FIX = {"6": "estimated", "7": "manual", "8": "simulated", "E": "estimated", "M": "manual", "S": "simulated"}
-# Standard deviations by the kind of a fix [m], and those of angles [deg] in words; from data sheets, rather too large
+# Standard deviations by the kind of a fix [m], and of angles [deg]; from data sheets, rather too large
 _SIGMAS = {"GNSS": 3.0, "DGNSS": 1.5, "RTK": 0.05, "floating RTK": 0.5}
-_SIGMAS_OF = {
-    "heading": (1.0, "heading 1 degrees (gyrocompass)"),
-    "roll": (0.5, "roll and pitch 0.5 degrees"),
-    "pitch": (0.5, "roll and pitch 0.5 degrees"),
-}
-_MAGNETIC_SIGMA = (3.0, "heading 3 degrees (magnetic)")
+_ANGLES = {"roll": 0.5, "pitch": 0.5, "heading": 1.0, "magnetic": 3.0}
+_ASSUMED = "roll and pitch 0.5 degrees, magnetic heading 3 degrees, heading 1 degrees (gyrocompass)"
 _DEGREE = 111_195.0  # meters of latitude, on a sphere
 _CONTRADICTED = 3.0  # [sigmas]: talkers whose median difference is larger are on different vehicles
 
@@ -85,7 +81,7 @@ class _Sentences:
     timed: list[tuple[int, float, float]] = field(default_factory=list)  # line, second of the day, Unix day or NaN
     measurements: list[_Measurement] = field(default_factory=list)
     unused: Counter[str] = field(default_factory=Counter)  # by sentence
-    assumed: set[str] = field(default_factory=set)  # standard deviations that were taken, in words
+    is_assumed: bool = False  # whether standard deviations of angles were
     damaged: int = 0
     unchecked: int = 0  # without a checksum
     unfixed: int = 0  # without a fix, a heading or a time
@@ -222,28 +218,25 @@ def _measurement(
             read.unused[sentence + _MAGNETIC] += 1
             return None
         deviation = _angle(float(named.get("deviation") or 0), named.get("deviation_half") or "E", "EW", 180)
-        _set_angle(found, 2, (float(named["magnetic"]) + deviation + variation) % 360, "", _MAGNETIC_SIGMA, read)
+        _set_angle(found, "magnetic", (float(named["magnetic"]) + deviation + variation) % 360, "", read)
     else:
-        for column, name in enumerate(("roll", "pitch", "heading")):
+        for name in ("roll", "pitch", "heading"):
             if named.get(name):
-                _set_angle(found, column, float(named[name]), named.get(f"{name}_sigma", ""), _SIGMAS_OF[name], read)
+                _set_angle(found, name, float(named[name]), named.get(f"{name}_sigma", ""), read)
     if np.isnan(found.values).all():
         read.unfixed += 1
         return None
     return found
 
 
-def _set_angle(
-    found: _Measurement, column: int, angle: float, sigma: str, usual: tuple[float, str], read: _Sentences
-) -> None:
+def _set_angle(found: _Measurement, name: str, angle: float, sigma: str, read: _Sentences) -> None:
     """Set an angle [deg], with the stated standard deviation, that of the settings, or the usual one."""
+    column = min(list(_ANGLES).index(name), 2)
     if not abs(angle) <= LARGEST_OF[COLUMNS[column]] or (column == 2 and angle < 0):
         raise ValueError
-    found.values[column] = angle
     given = float(sigma) if sigma and float(sigma) > 0 else read.settings.sigmas.get(COLUMNS[column])
-    found.sigmas[column] = usual[0] if given is None else given
-    if given is None:
-        read.assumed.add(usual[1])
+    found.values[column], found.sigmas[column] = angle, _ANGLES[name] if given is None else given
+    read.is_assumed |= given is None
 
 
 def _place(named: Mapping[str, str], name: str, halves: str, most: float) -> float:
@@ -313,13 +306,9 @@ def _first_ranks(times: np.ndarray, ranks: np.ndarray, values: np.ndarray) -> np
 
 def _say_sigmas(path: Path, kept: list[_Measurement], read: _Sentences, notes: list[str]) -> None:
     if any("time" not in _FIELDS[m.sentence] for m in kept):
-        what = "headings" if all(np.isnan(m.values[0]) for m in kept) else "headings or attitudes"
-        notes.append(
-            f"{path}: its {what} have no time; they are placed by their lines, between the sentences with times"
-        )
-    if read.assumed:
-        assumed = ", ".join(sorted(read.assumed))
-        notes.append(f"{path}: standard deviations are taken to be {assumed}; --prior-sigmas gives others")
+        notes.append(f"{path}: angles without a time are placed by their lines, between the sentences with times")
+    if read.is_assumed:
+        notes.append(f"{path}: standard deviations are taken to be {_ASSUMED}; --prior-sigmas gives others")
     counts = Counter(m.kind for m in kept if m.kind)
     if counts and "x_m" not in read.settings.sigmas:
         parts = [f"{count} of {kind} ({_SIGMAS[kind]:g} m)" for kind, count in counts.items()]

@@ -1,4 +1,4 @@
-"""Reading a navigation file (CSV, TUM, NMEA 0183 or a recording), and its overview for `sonarmap inspect`."""
+"""Reading a navigation file (CSV, TUM, NMEA 0183, SBET, DVL or a recording), and its overview for `sonarmap inspect`."""
 
 import codecs
 import warnings
@@ -208,7 +208,8 @@ def read_table(
 ) -> NavigationLog:
     """The rows of a CSV file; arguments as of `read_navigation`."""
     raw = _with_units(read_csv_table(path))
-    quantities = {column.quantity for k, cell in enumerate(raw.heading.cells) if (column := column_of(k, cell))}
+    with naming(raw.where()):
+        quantities = {column.quantity for k, cell in enumerate(raw.heading.cells) if (column := column_of(k, cell))}
     if settings.frame is None and quantities.issuperset(QUATERNION):
         settings = replace(settings, frame="enu")
         notes.append(
@@ -229,21 +230,31 @@ def read_table(
     values, georeference = _values(table, settings)
     deviations = _sigmas(table, settings)
     _check_rows(table, values, deviations, sigmas)
-    lines = np.array([row.line for row in table.rows])
     _refuse_above_water(table, values[:, 5])
-    keys = cells[columns.key]
+    times, keys = _times(table, settings, scans), tuple(cells[columns.key])
+    lines = np.array([row.line for row in table.rows])
+    refuse_alternating(path, times, values[:, 3:5], lines)
+    written = {COLUMNS[k]: cells[name] for k, names in enumerate(SOURCES) for name in names if name in cells}
+    return NavigationLog(
+        columns.key, lines, keys, times, values, deviations, georeference, tuple(table.faults), written
+    )
+
+
+def _times(table: _Table, settings: NavigationSettings, scans: np.ndarray) -> np.ndarray:
+    """(n,) UTC [s] of the rows; NaN where they have names."""
+    keys, columns = table.cells[table.columns.key], table.columns
     for row, key in enumerate(keys):
         if not key:
             raise InputError(f"{table.where(row)}: its {columns.key} is empty; fix that line")
-    times = np.full(len(keys), np.nan)
-    if columns.key == "stamp":
-        written = TimeCells(path, lines, keys, columns.of["stamp"], cells.get("date"), cells.get("gps_week"))
-        times = times_of(written, settings.time_scale, scans, notes)
-        refuse_alternating(path, times, values[:, 3:5], lines)
-    written = {COLUMNS[k]: cells[name] for k, names in enumerate(SOURCES) for name in names if name in cells}
-    return NavigationLog(
-        columns.key, lines, tuple(keys), times, values, deviations, georeference, tuple(table.faults), written
+    if columns.key == "name":
+        return np.full(len(keys), np.nan)
+    lines, dates, weeks = (
+        np.array([row.line for row in table.rows]),
+        table.cells.get("date"),
+        table.cells.get("gps_week"),
     )
+    cells = TimeCells(table.path, lines, keys, columns.of["stamp"], dates, weeks)
+    return times_of(cells, settings.time_scale, scans, table.notes)
 
 
 def _with_units(table: CsvTable) -> CsvTable:
