@@ -153,8 +153,11 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
     return index
 
 
-def refuse_alternating(path: Path, times: np.ndarray, places: np.ndarray, lines: np.ndarray) -> None:
-    """Refuse positions (n, 2) [m] that alternate between those of two receivers; NaN where there is none."""
+def refuse_alternating(
+    path: Path, times: np.ndarray, places: np.ndarray, lines: np.ndarray, least: float = _LEAST_APART
+) -> None:
+    """Refuse positions (n, 2) [m] that alternate between those of two receivers, at `least` so far apart [m]; NaN where
+    there is none."""
     rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(times))
     rows = rows[np.argsort(times[rows], kind="stable")]
     if len(rows) < 12:
@@ -167,8 +170,9 @@ def refuse_alternating(path: Path, times: np.ndarray, places: np.ndarray, lines:
         between = (1 - share) * places[: -2 * lag] + share * places[2 * lag :]
         offs.append(float(np.median(np.linalg.norm(places[lag:-lag] - between, axis=1))))
     next_off, second_off = offs
-    if next_off > max(_LEAST_APART, _STEADIER * second_off):
+    if next_off > max(least, _STEADIER * second_off):
         raise InputError(
             f"{path}: its positions alternate between two places {next_off:.1f} m apart, as those of two receivers do; "
-            f"delete those of one, in lines {', '.join(map(str, lines[rows[1:6:2]]))} and so on"
+            f"delete those of one, in lines {', '.join(map(str, lines[rows[1:6:2]]))} and so on, or choose one of two "
+            "talkers by --nmea-talker"
         )

@@ -58,6 +58,7 @@ _SIGMAS = {"GNSS": 3.0, "DGNSS": 1.5, "RTK": 0.05, "floating RTK": 0.5}
 _ANGLES = {"roll": 0.5, "pitch": 0.5, "heading": 1.0, "magnetic": 3.0}
 _ASSUMED = "roll and pitch 0.5 degrees, magnetic heading 3 degrees, heading 1 degrees (gyrocompass)"
 _DEGREE = 111_195.0  # meters of latitude, on a sphere
+_LEAST_APART, _APART = 2.0, 1.5  # [m, sigmas] between two talkers whose positions alternate
 _CONTRADICTED = 3.0  # [sigmas]: talkers whose median difference is larger are on different vehicles
 
 
@@ -265,14 +266,19 @@ def _log(path: Path, read: _Sentences, scans: np.ndarray, notes: list[str]) -> N
     is_magnetic = np.array([row.sentence in ("HDG", "HDM") for row in rows])
     values = _first_ranks(times, is_magnetic, values)
     of_talkers = {talker: talkers == talker for talker in dict.fromkeys(talkers.tolist())}
+    north = np.cos(np.radians(np.nan_to_num(values[:, 4])))
+    meters = _DEGREE * values[:, 3:5] * np.column_stack([north, np.ones(len(north))])
     for own in of_talkers.values():
         values[own] = _first_ranks(times[own], ranks[own], values[own])
-        north = np.nan_to_num(values[own, 4])
-        meters = _DEGREE * values[own, 3:5] * np.column_stack([np.cos(np.radians(north)), np.ones(len(north))])
-        refuse_alternating(path, times[own], meters, lines[own])
+        meters[np.isnan(values[:, 3])] = np.nan
+        refuse_alternating(path, times[own], meters[own], lines[own])
     logs = {talker: (times[own], values[own], sigmas[own]) for talker, own in of_talkers.items()}
     _refuse_contradictions(path, logs)
     values = _first_ranks(times, ranks, values)
+    meters[np.isnan(values[:, 3])] = np.nan
+    if np.isfinite(values[:, 3]).any():
+        least = max(_LEAST_APART, _APART * float(np.nanmedian(sigmas[:, 3])))
+        refuse_alternating(path, times, meters, lines, least)
     for row in np.flatnonzero(before & np.isnan(values[:, 3])).tolist():
         read.unused[f"places of {rows[row].sentence}"] += 1
     kept = np.flatnonzero(np.isfinite(values).any(axis=1))

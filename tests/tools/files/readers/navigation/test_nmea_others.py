@@ -143,6 +143,21 @@ def test_two_receivers_of_one_talker_are_told_apart(path: Path) -> None:
     )
 
 
+def test_two_talkers_some_meters_apart_are_told_apart(path: Path) -> None:
+    """Nearer than the errors of both, but steadily: 1 m is that of a receiver, 5 m that of two."""
+    for apart, refused in ((0.0006, False), (0.0027, True)):  # minutes of latitude
+        lines = []
+        for k in range(30):
+            for talker, north in (("GP", 0.0), ("GN", apart)):
+                place = f"60{23.478 + 0.0006 * k + north:07.4f},N,00519.3260,E"
+                lines.append(sentence(f"{talker}GGA,{clock(k)},{place},1,12,0.6,2.1,M,44.0,M,,"))
+        path.write_text("\n".join(lines))
+        if refused:
+            refuses("two places 5.0 m apart.*--nmea-talker", navigate, SCAN, path, NavigationSettings())
+        else:
+            assert all(scan.prior is not None for scan in navigate(SCAN, path, NavigationSettings()).scans)
+
+
 def test_inspect_reads_times_without_a_date(path: Path) -> None:
     path.write_text(log(*POSITIONS["GLL alone"]))
     notes = list[str]()
