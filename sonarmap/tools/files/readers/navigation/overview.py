@@ -326,6 +326,8 @@ def _column(table: _Table, name: str) -> np.ndarray:
     quantity = "heading_deg" if name == "yaw_deg" else name
     most = _ON_EARTH.get(name, LARGEST_OF.get(quantity, LARGEST))
     wrong = (np.abs(values) > most) | ((name in SIGMA_COLUMNS) & (values < LEAST_SIGMA))
+    if name == "heading_deg" and ((values > 180) & ~wrong).any():  # it counts from 0 to 360
+        wrong |= values < 0
     rows = np.flatnonzero(wrong).tolist()
     if len(cells) >= MIN_ROWS and wrong.mean() <= 0.5 and len({cells[row] for row in rows}) <= _CONSTANTS:
         kind = _KINDS.get(name, "standard deviation")

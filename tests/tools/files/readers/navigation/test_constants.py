@@ -7,6 +7,8 @@ import pytest
 
 from sonarmap.tools.files.readers.navigation.faults import fault_notes, usable_rows
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
+from sonarmap.tools.files.readers.navigation.overview import read_navigation
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from sonarmap.tools.files.readers.scans import stamps_of
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, scans_at
@@ -115,6 +117,23 @@ def test_a_log_names_constants_as_it_has_them(tmp_path: Path) -> None:
     assert "11 headings are left out (lines 2, 13, 24, 35, 46 and 6 more): 9999.0, which no instrument" in said
     assert "11 attitudes are left out" in said
     assert "11 rows are at -1, -1, as without a fix" in said
+
+
+@pytest.mark.parametrize("constant", ["-1", "-9999", "65535", "9999"])
+@pytest.mark.parametrize("count", [1, 11, 600, 1500])
+def test_headings_through_north(tmp_path: Path, constant: str, count: int) -> None:
+    """Some are nearer to a constant than to one another."""
+    headings = [f"{(355 + 0.01 * k) % 360:.2f}" for k in range(COUNT)]
+    for row in rows_of(count, "anywhere"):
+        headings[row] = constant
+    text = "Time,Heading\n" + "".join(f"{START + k},{heading}\n" for k, heading in enumerate(headings))
+    (tmp_path / "log.csv").write_text(text)
+    log = read_navigation(tmp_path / "log.csv", NavigationSettings(), None, np.zeros(0), [])
+    usable, faults = usable_rows(log)
+    assert len(faults) == count
+    wanted = (355 + 0.01 * SECONDS) % 360
+    wanted[rows_of(count, "anywhere")] = np.nan
+    np.testing.assert_allclose(usable.values[:, 2], wanted, atol=0.006)
 
 
 def test_impossible_numbers_of_many_values_are_no_constant(tmp_path: Path) -> None:
