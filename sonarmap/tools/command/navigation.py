@@ -78,8 +78,8 @@ class OdometryFile:
 
     odometry: Path | None = NAVIGATION.option(
         "FILE",
-        "Dead reckoning with times of its own: TUM, CSV (stamp and the columns of a priors file), ROS bag or MCAP "
-        "(FILE::TOPIC).",
+        "Dead reckoning with times of its own: TUM, CSV (stamp and the columns of a priors file), SBET, reports of a "
+        "Water Linked DVL, ROS bag or MCAP (FILE::TOPIC).",
     )
     odometry_drift: str | None = _rare(
         "P,D",
