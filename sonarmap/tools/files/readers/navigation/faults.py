@@ -7,26 +7,29 @@ are a chain that the vehicle could pass through, with the fewest rows left out.
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
 
+from sonarmap.tools.files.readers.instruments import LARGEST
 from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault
 from sonarmap.tools.files.time_scales import YEAR, by_clock, years_apart
 
-# Kinds of measurements: their columns, and a speed that is never a jump [m/s or degrees/s]
+# Kinds of measurements: their columns, a speed that is never a jump, and the coarsest resolution [m or degrees, s]
 _KINDS = {
-    "position": (np.array([3, 4]), 1.0),
-    "depth": (np.array([5]), 0.5),
-    "heading": (np.array([2]), 60.0),
-    "attitude": (np.array([0, 1]), 20.0),
+    "position": (np.array([3, 4]), 1.0, 1.0),
+    "depth": (np.array([5]), 0.5, 1.0),
+    "heading": (np.array([2]), 60.0, 5.0),
+    "attitude": (np.array([0, 1]), 20.0, 5.0),
 }
+_MOST_HELD = 20  # rows in which a logger repeats a measurement
+_FINEST = 0.1  # quantile of the steps, of which two are the resolution
 MIN_ROWS = 12  # of a kind, for its usual steps to be known
 _CANDIDATES = 8  # most distant and most frequent values that may be impossible constants
 _LEAST_QUANTILE = 0.25  # of the steps between other values: half of these values may be wrong too
 _FARTHER = 25.0  # times that quantile is an impossible step
-_IMPOSSIBLE = 10.0  # times the speed that is never a jump is one
+_IMPOSSIBLE, _FARTHER_AT_ONCE = 10.0, 12.0  # times the speed that is never a jump, and times that quantile, is one too
 _ALONE = 8.0  # times the 75 % quantile of the speed to the nearer neighbor: alone
 _USUAL_QUANTILE = 0.95  # of the steps' speeds, is the usual speed
 _WINDOW = 21  # steps, of which the median is the usual speed there
@@ -53,13 +56,15 @@ def usable_rows(
     for row, reason in _wrong_times(log.times, np.zeros(0) if stamps is None else stamps):
         faults.append(RowFault(int(log.lines[row]), "time", reason))
         values[row] = np.nan
-    for kind, (columns, slow) in _KINDS.items():
+    for kind, (columns, slow, coarse) in _KINDS.items():
         rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         rows = rows[np.argsort(log.times[rows], kind="stable")]
         rows = rows[np.append(True, np.diff(log.times[rows]) > 0)] if len(rows) else rows
         if len(rows) < MIN_ROWS:
             continue
-        impossible = np.any([_constants(log.times[rows], values[rows, k], slow) for k in columns], axis=0)
+        period = 360.0 if kind == "heading" else 4 * LARGEST
+        each = [_constants(log.times[rows], values[rows, k], slow, coarse, period) for k in columns.tolist()]
+        impossible = np.any(each, axis=0)
         faults += _named(log, kind, columns, rows[impossible])
         values[np.ix_(rows[impossible], columns)] = np.nan
         rows = rows[~impossible]
@@ -69,7 +74,7 @@ def usable_rows(
         stated = log.sigmas[np.ix_(rows, columns)]
         noise = float(np.median(stated)) if np.isfinite(stated).all() else 0.0
         most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
-        wrong = rows[_leaps(log.times[rows], series, slow, *most)]
+        wrong = rows[_leaps(log.times[rows], series, slow, coarse, *most)]
         faults += _named(log, kind, columns, wrong)
         values[np.ix_(wrong, columns)] = np.nan
     return replace(log, values=values), sorted(dict.fromkeys(faults), key=lambda fault: fault.line)
@@ -112,17 +117,38 @@ def _wrong_times(times: np.ndarray, stamps: np.ndarray) -> list[tuple[int, str]]
     return wrong + [(row, "its time is out of order") for row in misplaced.tolist()]
 
 
-def _constants(times: np.ndarray, column: np.ndarray, slow: float) -> np.ndarray:
+@dataclass(frozen=True, slots=True)
+class _Sampling:
+    """How a logger samples a measurement."""
+
+    usual: float  # time between rows [s]; shorter ones are those of messages that were sent together
+    held: float  # time for which a measurement is repeated [s]
+    grain: float  # length of a step that the resolution causes
+
+    @classmethod
+    def of(cls, times: np.ndarray, series: np.ndarray, coarse: float) -> "_Sampling":
+        steps = np.linalg.norm(np.diff(series, axis=0), axis=1)
+        rows = float(np.median(np.diff(np.flatnonzero(np.concatenate([[True], steps > 0, [True]])))))
+        usual, finest = float(np.median(np.diff(times))), np.quantile(steps[steps > 0], _FINEST) if steps.any() else 0.0
+        return cls(usual, (rows - 1) * usual if rows <= _MOST_HELD else 0.0, 2 * min(float(finest), coarse))
+
+    def spans(self, between: np.ndarray) -> np.ndarray:
+        """The times [s] in which a vehicle moved between rows that are `between` apart [s]."""
+        return np.maximum(between, self.usual) + self.held
+
+
+def _constants(times: np.ndarray, column: np.ndarray, slow: float, coarse: float, period: float) -> np.ndarray:
     """(n,) bool: rows of `column` (n,) with a value that no instrument measured, as -9999: far from the rows before and
     after, or farther from all others than they are from one another. It may be that of half of the rows."""
-    wrong = np.zeros(len(column), bool)
+    wrong, sampling = np.zeros(len(column), bool), _Sampling.of(times, column[:, None], coarse)
     while (~wrong).sum() > MIN_ROWS:
         rows = np.flatnonzero(~wrong)
         first = rows[np.append(True, np.diff(column[rows]) != 0)]  # of each run of a value
         last = rows[np.append(np.diff(column[rows]) != 0, True)]
         runs, counts = column[first], np.diff(np.append(np.searchsorted(rows, first), len(rows)))
-        spans = np.concatenate([[np.nan], times[first[1:]] - times[last[:-1]], [np.nan]])
-        ways = np.abs(np.diff(np.concatenate([[np.nan], runs, [np.nan]])))
+        spans = sampling.spans(np.concatenate([[np.nan], times[first[1:]] - times[last[:-1]], [np.nan]]))
+        ways = np.diff(np.concatenate([[np.nan], runs, [np.nan]]))
+        ways = np.abs((ways + period / 2) % period - period / 2) - sampling.grain
         if not (ways > slow * spans).any():
             break
         far = _impossible(runs, counts, ways, spans, slow, len(column) / 2 - wrong.sum())
@@ -156,7 +182,8 @@ def _impossible(
             continue
         steps = np.abs(np.diff(others))
         usual = np.quantile(steps[steps > 0], _LEAST_QUANTILE) if (steps > 0).any() else 0.0
-        far = (is_inside[own] & (jumps[own] > _FARTHER * usual)) | (speeds[own] > _IMPOSSIBLE * slow)
+        at_once = (speeds[own] > _IMPOSSIBLE * slow) & (jumps[own] > _FARTHER_AT_ONCE * usual)
+        far = (is_inside[own] & (jumps[own] > _FARTHER * usual)) | at_once
         far &= (jumps[own] > 0) & (total[k] > 1) & (far.mean() > 0.5)
         # rows of others before, between and behind these runs; without the most, if there are several
         until = np.append(before[own], before[-1]) - np.append(0, np.cumsum(counts[own]))
@@ -170,22 +197,27 @@ def _impossible(
     return np.zeros(len(runs), bool)
 
 
-def _leaps(times: np.ndarray, series: np.ndarray, slow: float, fastest: float, noise: float) -> np.ndarray:
+def _leaps(
+    times: np.ndarray, series: np.ndarray, slow: float, coarse: float, fastest: float, noise: float
+) -> np.ndarray:
     """(n,) bool: rows that the vehicle could not reach and return from in the time between rows."""
-    spans = np.diff(times)
+    sampling = _Sampling.of(times, series, coarse)
+    spans = sampling.spans(np.diff(times))
     speeds = np.linalg.norm(np.diff(series, axis=0), axis=1) / spans
     alone = np.minimum(np.append(np.inf, speeds), np.append(speeds, np.inf))  # to the nearer of both neighbors
     calm = np.flatnonzero(alone <= max(_ALONE * float(np.quantile(alone, 0.75)), slow))
-    steady = np.linalg.norm(np.diff(series[calm], axis=0), axis=1) / np.diff(times[calm])
+    steady = np.linalg.norm(np.diff(series[calm], axis=0), axis=1) / sampling.spans(np.diff(times[calm]))
     usual = np.maximum(np.quantile(steady, _USUAL_QUANTILE), median_filter(speeds, _WINDOW, mode="mirror"))
     # the noise of two fixes adds to their step
     most = np.minimum(np.maximum(_FASTER * usual, slow), fastest + 4 * np.sqrt(2) * noise / spans)
-    first = np.append(0, 1 + np.flatnonzero(speeds > most))
-    kept = _chain(times, series, first, np.append(most, most[-1:]))
+    first = np.append(0, 1 + np.flatnonzero(speeds > most + sampling.grain / spans))
+    kept = _chain(times, series, first, np.append(most, most[-1:]), sampling)
     return np.repeat(~kept, np.diff(np.append(first, len(times))))
 
 
-def _chain(times: np.ndarray, series: np.ndarray, first: np.ndarray, most: np.ndarray) -> np.ndarray:
+def _chain(
+    times: np.ndarray, series: np.ndarray, first: np.ndarray, most: np.ndarray, sampling: _Sampling
+) -> np.ndarray:
     """(P,) bool: pieces of a series, which begin at the rows `first`, to keep. Pieces in between are left out only if
     the vehicle gets from the one before to the one behind at the speeds `most` (n,). Each row that is left out costs 1,
     and each jump between neighboring pieces half of the longest run that may be left out."""
@@ -194,8 +226,8 @@ def _chain(times: np.ndarray, series: np.ndarray, first: np.ndarray, most: np.nd
     before, cost = np.full(len(first), -1), np.zeros(len(first))
     for p in range(1, len(first)):
         q = np.arange(max(0, p - _LOOK_BACK), p)
-        spans, ways = times[first[p]] - times[last[q]], np.linalg.norm(series[first[p]] - series[last[q]], axis=1)
-        reached = ways <= np.minimum(most[last[q]], most[first[p]]) * spans
+        ways = np.linalg.norm(series[first[p]] - series[last[q]], axis=1) - sampling.grain
+        reached = ways <= np.minimum(most[last[q]], most[first[p]]) * sampling.spans(times[first[p]] - times[last[q]])
         costs = np.where(reached, cost[q] + first[p] - last[q] - 1, np.inf)
         costs[-1] = cost[p - 1] + jump
         before[p], cost[p] = q[np.argmin(costs)], costs.min()
