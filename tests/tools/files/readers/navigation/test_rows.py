@@ -90,3 +90,34 @@ def test_short_logs_and_rows_with_names_are_not_checked() -> None:
     assert usable_rows(given) == (given, [])
     named = replace(log(), key="name")
     assert usable_rows(named) == (named, [])
+
+
+def random_log(seed: int) -> NavigationLog:
+    """A vehicle that dives, turns, stops and rolls; rows of 0.1 to 10 s, rounded, some repeated or sent in bursts."""
+    rng = np.random.default_rng(seed)
+    count, every = int(rng.integers(30, 1500)), float(rng.choice([0.1, 0.2, 1, 2, 5, 10]))
+    times = START + every * np.sort(np.arange(count) + (seed % 3 == 0) * rng.uniform(-0.6, 0.6, count))
+    steps = np.diff(times, prepend=times[0] - every)
+
+    def held(choices: list[float], rows: int) -> np.ndarray:
+        return np.repeat(rng.choice(choices, count // rows + 1), rows)[:count]
+
+    heading = np.cumsum(held([0, 0, 0, 3, -3, 20, -30], 15) * (1.0 if every < 2 else 0.2) * steps) + rng.uniform(0, 360)
+    speed, wave, error = held([0, 0, 0.3, 0.8, 1.5], 20), rng.choice([0, 0.5, 3, 10]), rng.choice([0.01, 0.3, 2])
+    east, north = (np.cumsum(speed * steps * f(np.radians(heading))) for f in (np.sin, np.cos))
+    depth = np.clip(np.cumsum(held([0, 0, 0, 0.3, -0.3, 0.5], 25) * steps), 0, None)
+    depth += (depth > 0) * rng.normal(0, rng.choice([0, 0.005, 0.05]), count)
+    roll, pitch = wave * np.sin(1.05 * times), 0.5 * wave * np.sin(0.9 * times)
+    values = np.column_stack([roll, pitch, heading, east, north, depth])
+    values[:, :5] += rng.normal(0, [0.2, 0.2, rng.choice([0.05, 0.5, 3]), error, error], (count, 5))
+    values[:, 2] %= 360
+    values = np.round(values, seed % 4)
+    if seed % 5 == 0:
+        values = np.repeat(values[::5], 5, axis=0)[:count]
+    return NavigationLog("stamp", np.arange(count), ("",) * count, times, values, np.full((count, 6), np.nan))
+
+
+@pytest.mark.parametrize(("count", "most"), [(40, 1), pytest.param(400, 8, marks=pytest.mark.slow)])
+def test_right_rows_of_random_logs_are_kept(count: int, most: int) -> None:
+    wrong = {seed: faults for seed in range(count) if (faults := usable_rows(random_log(seed))[1])}
+    assert len(wrong) <= most, wrong
