@@ -59,7 +59,6 @@ def usable_rows(
     for kind, (columns, slow, coarse) in _KINDS.items():
         rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         rows = rows[np.argsort(log.times[rows], kind="stable")]
-        rows = rows[np.append(True, np.diff(log.times[rows]) > 0)] if len(rows) else rows
         if len(rows) < MIN_ROWS:
             continue
         period = 360.0 if kind == "heading" else 4 * LARGEST
@@ -129,7 +128,8 @@ class _Sampling:
     def of(cls, times: np.ndarray, series: np.ndarray, coarse: float) -> "_Sampling":
         steps = np.linalg.norm(np.diff(series, axis=0), axis=1)
         rows = float(np.median(np.diff(np.flatnonzero(np.concatenate([[True], steps > 0, [True]])))))
-        usual, finest = float(np.median(np.diff(times))), np.quantile(steps[steps > 0], _FINEST) if steps.any() else 0.0
+        usual = float(np.median(np.diff(times)) or np.ptp(times) / len(times)) or 1.0
+        finest = np.quantile(steps[steps > 0], _FINEST) if steps.any() else 0.0
         return cls(usual, (rows - 1) * usual if rows <= _MOST_HELD else 0.0, 2 * min(float(finest), coarse))
 
     def spans(self, between: np.ndarray) -> np.ndarray:

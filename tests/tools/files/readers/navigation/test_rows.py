@@ -85,6 +85,17 @@ def test_a_known_top_speed_finds_smaller_jumps() -> None:
     assert [fault.line for fault in usable_rows(replace(given, values=values), fastest=2.0)[1]] == [42]
 
 
+def test_rows_within_a_second_of_whole_seconds_are_checked() -> None:
+    given = log(300, every=0.2)
+    times, values = np.floor(given.times), given.values.copy()
+    rows = np.arange(3, 300, 7)
+    assert usable_rows(replace(given, times=times))[1] == []
+    values[rows, 5] = -9999.0
+    usable, faults = usable_rows(replace(given, times=times, values=values))
+    assert np.flatnonzero(np.isnan(usable.values[:, 5])).tolist() == rows.tolist()
+    assert {fault.kind for fault in faults} == {"depth"}
+
+
 def test_short_logs_and_rows_with_names_are_not_checked() -> None:
     given = log(11)
     assert usable_rows(given) == (given, [])
