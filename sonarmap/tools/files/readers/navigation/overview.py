@@ -1,4 +1,4 @@
-"""Reading a navigation file (CSV, TUM, NMEA 0183, SBET, DVL or a recording), and its overview for `sonarmap inspect`."""
+"""Reading a navigation file (CSV, TUM, NMEA 0183, SBET, DVL, a recording), and its overview for `sonarmap inspect`."""
 
 import codecs
 import warnings
