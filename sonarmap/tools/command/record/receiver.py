@@ -182,20 +182,19 @@ def _endpoint(text: str, option: str, example: str) -> tuple[IPv4Address, int]:
     wants_group = option == "--multicast"
     place, _, number = text.rpartition(":")
     try:
-        address = IPv4Address(place)
-    except AddressValueError as error:
-        raise InputError(
-            f"{option} is {text!r}; wanted an IPv4 address in numbers and a port, as in {option} {example}"
-        ) from error
-    if not (number.isascii() and number.isdecimal() and 0 < int(number) < 1 << 16):
-        raise InputError(f"{option} is {text!r}; wanted a port from 1 to 65535 behind the colon, as in {example}")
+        address, port = IPv4Address(place), int(number)
+        if not 0 < port < 1 << 16:
+            raise ValueError
+    except ValueError as error:
+        wanted = f"wanted an IPv4 address in numbers and a port from 1 to 65535, as in {option} {example}"
+        raise InputError(f"{option} is {text!r}; {wanted}") from error
     if wants_group and not address.is_multicast:
         raise InputError(
             f"{option} is {text!r}; wanted a group of 224.0.0.0 to 239.255.255.255; for another give --unicast"
         )
     if address.is_multicast and not wants_group:
         raise InputError(f"{option} is {text!r}, a multicast group; give --multicast {text}")
-    return address, int(number)
+    return address, port
 
 
 def open_socket(source: Source) -> socket.socket:

@@ -6,7 +6,6 @@ from datetime import timedelta
 from typing import Any
 
 from sonarmap.kernels.counted import lasting, sized
-from sonarmap.tools.command.record.receiver import Source
 from sonarmap.tools.command.record.recorder import IMU, RANGES, SHADED, STRENGTHS, Status
 
 _PLAIN = {
@@ -18,7 +17,7 @@ _PLAIN = {
 _SILENT = 5.0  # silence that is reported [s]
 _DISK_SHORT = 600.0  # time until the disk is full that is reported [s]
 _DISK_ENDS = 60.0  # time until the disk is full that is urgent [s]
-_CLOCK_OFF = 1.0  # offset of a clock that is reported [s]: a vehicle moves a meter meanwhile
+CLOCK_OFF = 1.0  # offset of a clock that is reported [s]: a vehicle moves a meter meanwhile
 _SMALL_BUFFER = 2 << 20  # reported size [bytes]; Linux counts a datagram double, and the sonar sends up to 10 Mbit/s
 _SETTLED = 3.0  # time after which rates and the clock's offset are reliable [s]
 
@@ -124,20 +123,12 @@ def _silence_words(status: Status) -> str:
         return f"nothing has come {silent}. Look at the sonar's power and its cable; the recording continues."
     source = status.settings.source
     wanted = f" of a sonar at {status.settings.sonar}" if status.settings.sonar else ""
+    sends = "multicast" if source.address.is_multicast else f"unicast to this computer's address, port {source.port}"
     return (
-        f"no packet{wanted} has come {silent} at {source.words}. Check that the sonar is on and its acoustics are "
-        f"enabled; {_sends_words(source)}; that this computer's network interface is up and has an address in the "
-        "sonar's network (192.168.194.90, say, for a sonar at its fallback address 192.168.194.96); and that no "
-        f"firewall blocks UDP port {source.port}. The recording waits."
+        f"no packet{wanted} has come {silent} at {source.words}. Check that the sonar is on, its acoustics are enabled "
+        f"and its settings say UDP {sends}; that this computer has an address in the sonar's network, 192.168.194.90 "
+        f"say; and that no firewall blocks UDP port {source.port}. The recording waits."
     )
-
-
-def _sends_words(source: Source) -> str:
-    if source.address.is_multicast:
-        return (
-            "that its settings say UDP multicast (where they say unicast, give --unicast 0.0.0.0:PORT with their port)"
-        )
-    return f"that its settings say UDP unicast to this computer's address, port {source.port}"
 
 
 def _faults(status: Status) -> Iterator[tuple[str, str]]:
@@ -146,7 +137,7 @@ def _faults(status: Status) -> Iterator[tuple[str, str]]:
     yield from _disk_faults(status)
     yield from _sender_faults(status)
     offset = status.tally.clock.latest
-    if offset is not None and abs(offset) > _CLOCK_OFF and status.seconds > _SETTLED:
+    if offset is not None and abs(offset) > CLOCK_OFF and status.seconds > _SETTLED:
         words = (
             f"the sonar's clock is {clock_words(offset)} this computer's: set both clocks by NTP. Logs with this "
             f"computer's times fit by --nav-offset={offset:.2f}."
@@ -187,9 +178,7 @@ def _disk_faults(status: Status) -> Iterator[tuple[str, str]]:
         return
     left = None if duration is None else duration - status.seconds
     words = f"the disk of {status.path.parent} is full in {lasting(lasts)} ({sized(status.disk)} left)"
-    if left is not None and lasts < left:
-        yield "disk", f"{words}, and the recording is to go on for {lasting(left)}"
-    elif left is None and lasts < _DISK_SHORT:
-        yield "disk", words
-    if lasts < _DISK_ENDS and (left is None or lasts < left):
-        yield "disk ends", f"{words}: make room now, or end the recording"
+    if lasts < (_DISK_SHORT if left is None else left):
+        yield "disk", words if left is None else f"{words}, and the recording is to go on for {lasting(left)}"
+        if lasts < _DISK_ENDS:
+            yield "disk ends", f"{words}: make room now, or end the recording"

@@ -1,14 +1,17 @@
 """`sonarmap record`: record a Sonar 3D-15 from the network to a file."""
 
+import math
 import re
 import signal
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache, partial
 from ipaddress import AddressValueError, IPv4Address
 from pathlib import Path
 from threading import Event, Timer
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -84,8 +87,37 @@ class Listening:
         return [word for name, value in given.items() if value is not None for word in (f"--{name}", value)]
 
 
+@dataclass(frozen=True, slots=True)
+class SetupOptions:
+    """Options of the sonar's settings."""
+
+    configure: bool = INPUT.flag(
+        "--configure", "Set the sonar's IMU, its clock and the options below, for good; without it they are compared."
+    )
+    ntp: str | None = INPUT.option("ADDRESS", "NTP server for the sonar, or auto for servers of the internet.")
+    water: str | None = INPUT.option(
+        "NAME",
+        "Water, fresh or salt, for which the sonar computes the speed of sound.",
+        callback=checked(("fresh", "salt").__contains__, "{!r}; choose fresh or salt, or leave it out"),
+    )
+    sound_speed: float | None = INPUT.option("M/S", "Speed of sound for the sonar \\[m/s].", min=1000, max=2000)
+    range: tuple[float, float] | None = INPUT.option(
+        "MIN MAX",
+        "Range for the sonar \\[m].",
+        callback=checked(lambda r: 0 <= r[0] < r[1] < math.inf, "{}; give two in meters, as in --range 0.5 15"),
+    )
+
+    @property
+    def wanted(self) -> dict[str, Any]:
+        """The wanted settings, by name."""
+        speed = 0.0 if self.sound_speed is None and self.water is not None else self.sound_speed
+        settings = {"NTP server": self.ntp, "water": self.water, "speed of sound": speed, "range": self.range}
+        return {name: value for name, value in settings.items() if value is not None}
+
+
 def command(
     listening: Listening,
+    setup: SetupOptions,
     out: Path = OUTPUT.option("FILE.sonar", "The recording.", REQUIRED, "-o", "--out"),
     overwrite: bool = OUTPUT.flag("--overwrite", "Replace FILE.sonar if it is there."),
     as_json: JsonOption = False,
@@ -93,27 +125,37 @@ def command(
 ) -> None:
     """Record what a Sonar 3D-15 sends over the network.
 
-    It ends with Ctrl-C or --duration. It only listens; the sonar is configured on its own web page. Each second it
-    prints how many packets arrive and are missing, the offset of the sonar's clock, whether the IMU is recorded, and
-    how long the disk lasts. Until the end the file is called FILE.part.sonar; it remains after a crash or on a full
-    disk, and can be read. The exit code is 3 if no packet was received.
+    It ends with Ctrl-C or --duration. It warns of wrong settings of the sonar, and changes them only with --configure.
+    Each second it prints how many packets arrive and are missing, the offset of the sonar's clock, whether the IMU is
+    recorded, and how long the disk lasts. Until the end the file is called FILE.part.sonar; it remains after a crash
+    or on a full disk, and can be read. The exit code is 3 if no packet was received.
     """
+    from wlsonar import FALLBACK_IP
+
     from sonarmap.tools.command.record.recorder import RecordSettings, record
+    from sonarmap.tools.command.record.setup import check, configure
     from sonarmap.tools.command.record.words import Watch, end_lines, status_lines
     from sonarmap.tools.command.record.words import as_json as in_json
 
     source, watch, silent = listening.source, Watch(), quiet or as_json
+    checked_once = cache(partial(check, setup.wanted))  # by the sonar's address
     settings = RecordSettings(source, out, listening.seconds, listening.sonar, overwrite)
 
     def follow(status: "Status") -> None:
         if not status.ticks and not silent:
             say(f"listening at {source.words}; until the end the recording is in {status.path}")
-        show(status_lines(status), list(watch.warnings(status)), "recording")
+        sonar = listening.sonar or status.senders.sonar
+        of_settings = checked_once(sonar) if sonar else deque[str]()
+        warnings = [of_settings.popleft() for _ in range(len(of_settings))]
+        show(status_lines(status), [*warnings, *watch.warnings(status)], "recording")
 
+    changes = configure(listening.sonar or FALLBACK_IP, setup.wanted) if setup.configure else []
+    for change in changes if not silent else ():
+        say(f"changed in the sonar, for good: {change}")
     with ending() as stop, status_line(silent) as show:
         status = record(settings, follow, stop)
     if as_json:
-        print_json(in_json(status))
+        print_json(in_json(status) | {"changed": changes})
     if not status.tally.packets:
         warn(f"no packet was received in {status.seconds:.0f} s at {source.words}; no file was written")
         raise typer.Exit(NOTHING_CAME)

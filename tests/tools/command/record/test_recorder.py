@@ -181,7 +181,7 @@ def test_the_sonars_own_group_is_the_default() -> None:
     ("options", "wanted"),
     [
         (["--multicast", "sonar:4747"], "wanted an IPv4 address"),
-        (["--multicast", "224.0.0.96:65536"], "wanted a port from 1 to 65535"),
+        (["--multicast", "224.0.0.96:65536"], "a port from 1 to 65535"),
         (["--multicast", "192.168.194.96:4747"], "for another give --unicast"),
         (["--unicast", "224.0.0.96:4747"], "give --multicast 224.0.0.96:4747"),
         (["--unicast", "0.0.0.0:4747", "--interface", "eth0"], "--interface has no effect with --unicast"),
