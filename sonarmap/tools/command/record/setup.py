@@ -23,10 +23,6 @@ def _read_clock(sonar: Sonar3D) -> str:
     return _RIGHT if abs(offset) <= CLOCK_OFF else f"{clock_words(offset)} this computer's{by}"
 
 
-def _set_ntp(sonar: Sonar3D, address: str) -> None:
-    sonar.set_time_ntp(NTPConfiguration(address))
-
-
 def _set_clock(sonar: Sonar3D, _: str) -> None:
     if not sonar.force_sync_ntp(_SLOW).success:
         sonar.set_time_manual(datetime.now(UTC))
@@ -35,10 +31,10 @@ def _set_clock(sonar: Sonar3D, _: str) -> None:
 _get_speed, _set_speed = Sonar3D.get_speed_of_sound, Sonar3D.set_speed_of_sound
 _get_imu, _set_imu = Sonar3D.get_output_imu_batch_enabled, Sonar3D.set_output_imu_batch_enabled
 _SETTINGS: dict[str, Any] = {  # functions that read it, write it, and put its value in words
-    "NTP server": (lambda sonar: sonar.get_time_ntp().ntp_address, _set_ntp, str),
+    "NTP server": (lambda s: s.get_time_ntp().ntp_address, lambda s, ntp: s.set_time_ntp(NTPConfiguration(ntp)), str),
     "water": (Sonar3D.get_salinity, Sonar3D.set_salinity, str),
     "speed of sound": (_get_speed, _set_speed, lambda speed: f"{speed:g} m/s" if speed else "automatic"),
-    "range": (Sonar3D.get_range, lambda sonar, r: sonar.set_range(*r), lambda r: f"{r[0]:g} to {r[1]:g} m"),
+    "range": (Sonar3D.get_range, lambda s, r: s.set_range(*r), lambda r: f"{r[0]:g} to {r[1]:g} m"),
     "IMU batches": (_get_imu, _set_imu, lambda is_on: "on" if is_on else "off"),
     "clock": (_read_clock, _set_clock, str),
 }
