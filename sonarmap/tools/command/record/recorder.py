@@ -137,15 +137,23 @@ def _kind_of(image: Message) -> str:
     return STRENGTHS if image.type == STRENGTH else SHADED
 
 
+def require_free(out: Path, overwrite: bool) -> None:
+    """Refuse a name that is none of a recording, or is taken (unless `overwrite`)."""
+    if out.suffix != ENDING:
+        raise InputError(f"{out} does not end in {ENDING}, by which recordings are recognized; try {out}{ENDING}")
+    if out.is_dir():
+        raise InputError(f"cannot write {out}: a folder of that name is there; choose another name")
+    if out.exists() and not overwrite:
+        raise InputError(f"{out} is there already; choose another name, or give --overwrite to replace it")
+
+
 class PartFile:
     """NAME.part.sonar, which `finish` renames to NAME.sonar; NAME.part2.sonar if an earlier recording left that."""
 
     def __init__(self, out: Path, overwrite: bool) -> None:
         """Create an empty part file. Raises InputError: `out` cannot be written, or exists (unless `overwrite`)."""
         self.out, self.size, self._overwrite = out, 0, overwrite
-        if out.suffix != ENDING:
-            raise InputError(f"{out} does not end in {ENDING}, by which recordings are recognized; try {out}{ENDING}")
-        self._require_free()
+        require_free(out, overwrite)
         number = 1
         while True:
             self.path = out.with_name(f"{out.stem}.part{number if number > 1 else ''}{ENDING}")
@@ -182,7 +190,7 @@ class PartFile:
         try:
             os.fsync(self._file.fileno())
             self._file.close()
-            self._require_free()
+            require_free(self.out, self._overwrite)
             self.path.replace(self.out)
         except OSError as error:
             raise InputError(f"cannot write {self.out}: {error.strerror}; the recording is in {self.path}") from error
@@ -195,12 +203,6 @@ class PartFile:
             self._file.close()
             if self.size == 0:
                 self.path.unlink(missing_ok=True)
-
-    def _require_free(self) -> None:
-        if self.out.is_dir():
-            raise InputError(f"cannot write {self.out}: a folder of that name is there; choose another name")
-        if self.out.exists() and not self._overwrite:
-            raise InputError(f"{self.out} is there already; choose another name, or give --overwrite to replace it")
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,7 +132,7 @@ def command(
     """
     from wlsonar import FALLBACK_IP
 
-    from sonarmap.tools.command.record.recorder import RecordSettings, record
+    from sonarmap.tools.command.record.recorder import RecordSettings, record, require_free
     from sonarmap.tools.command.record.setup import check, configure
     from sonarmap.tools.command.record.words import Watch, end_lines, status_lines
     from sonarmap.tools.command.record.words import as_json as in_json
@@ -149,8 +149,9 @@ def command(
         warnings = [of_settings.popleft() for _ in range(len(of_settings))]
         show(status_lines(status), [*warnings, *watch.warnings(status)], "recording")
 
+    require_free(out, overwrite)  # before anything is changed in the sonar
     changes = configure(listening.sonar or FALLBACK_IP, setup.wanted) if setup.configure else []
-    for change in changes if not silent else ():
+    for change in changes if not as_json else ():
         say(f"changed in the sonar, for good: {change}")
     with ending() as stop, status_line(silent) as show:
         status = record(settings, follow, stop)

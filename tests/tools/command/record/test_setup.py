@@ -272,6 +272,13 @@ def test_record_sets_up_the_sonar_only_with_the_flag(sonar: Stub, tmp_path: Path
     assert "not checked" not in ended.stderr
 
 
+def test_nothing_is_changed_if_the_recording_cannot_be_written(sonar: Stub, tmp_path: Path) -> None:
+    taken = tmp_path / "a.sonar"
+    taken.touch()
+    refused(sonarmap("record", "-o", taken, "--sonar", LOOPBACK, "--configure", "--water", "fresh"), "is there already")
+    assert sonar.posts == []
+
+
 def test_the_address_of_the_packets_is_that_of_the_settings(sonar: Stub, tmp_path: Path) -> None:
     sonar.values["/acoustics/enabled"] = False
     packets, to = [packet.content for packet in recording(4)], (LOOPBACK, free_port())
