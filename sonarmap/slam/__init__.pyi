@@ -11,7 +11,7 @@ from .locate.place import Located as Located
 from .locate.place import Place as Place
 from .map.point_map import PointMap as PointMap
 from .mapper import Mapper as Mapper
-from .mapper import MapperSettings as MapperSettings
+from .mapper_settings import MapperSettings as MapperSettings
 from .motion.limits import MotionLimits as MotionLimits
 from .motion.odometry import Odometry as Odometry
 from .optimize.solve import Optimized as Optimized
