@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.pair import Candidate, RegisteredPair
@@ -71,10 +70,10 @@ def _squared_distance(
     if registration is None or not all(np.isfinite(priors[k].sigmas[measured]).all() for k in pair.scans):
         return None
     both = RelativePrior(*(_alone(priors[k], measured) for k in pair.scans))
-    T = RigidTransform.concatenate([registration.T_target_source])
-    last = slice(-len(numbers), None)
-    residual, covariance = both.residuals(T)[0, last], both.residual_covariance(T)[0, last, last]
-    R_world_source = measured_rotation(both.target) * registration.T_target_source.rotation
+    R, last = registration.T_target_source.rotation, slice(-len(numbers), None)
+    off = both.at(R, registration.T_target_source.translation)
+    residual, covariance = off.residual[0, last], off.covariance[0, last, last]
+    R_world_source = measured_rotation(both.target) * R
     covariance = covariance + rotated(R_world_source, registration.covariance)[np.ix_(numbers, numbers)]
     return float(residual @ np.linalg.solve(covariance, residual))
 

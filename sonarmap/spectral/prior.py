@@ -1,6 +1,7 @@
 """The priors of two scans as a constraint on their relative pose: residuals, covariances and bounds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -20,6 +21,17 @@ _TWO_UNMEASURED = 2 * _ONE_UNMEASURED + 2 * np.arcsin(np.tan(_TILT / 2) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
+class Residuals:
+    """Differences of N relative poses from the measurement, in the world's axes: k measured components, at most 6, of
+    tilt, tilt, turn, East, North and Up [rad, m]."""
+
+    residual: np.ndarray  # (N, k)
+    # (N, k, 6) by a turn w and a shift s in the target's axes, rotation first [rad, m]: R <- Exp(w) R, t <- t + s
+    jacobian: np.ndarray
+    covariance: np.ndarray  # (N, k, k) of the residual, each pose taken for the true one
+
+
+@dataclass(frozen=True)
 class RelativePrior:
     """The priors of a pair, in one world; made by `relative_prior`.
 
@@ -36,22 +48,22 @@ class RelativePrior:
     target: PosePrior
     source: PosePrior
 
-    @property
+    @cached_property
     def knows_tilt(self) -> bool:
         """Whether the relative rotation is measured up to a turn about the vertical."""
         return self.target.knows_attitude and self.source.knows_attitude
 
-    @property
+    @cached_property
     def knows_heading(self) -> bool:
         """Whether the turn about the vertical is bounded: more widely without `knows_tilt`."""
         return self.target.knows_heading and self.source.knows_heading
 
-    @property
+    @cached_property
     def knows_position(self) -> bool:
         """Whether the horizontal shift is measured."""
         return self.target.knows_position and self.source.knows_position
 
-    @property
+    @cached_property
     def knows_depth(self) -> bool:
         """Whether the vertical shift is measured."""
         return self.target.knows_depth and self.source.knows_depth
@@ -59,110 +71,96 @@ class RelativePrior:
     @property
     def R_target_source(self) -> Rotation | None:
         """The measured relative rotation; None unless attitude and heading are measured for both scans."""
-        if not (self.knows_tilt and self.knows_heading):
-            return None
-        return self.target.T_world_sensor.rotation.inv() * self.source.T_world_sensor.rotation
+        return self._R_world_target.inv() * self._R_world_source if self.knows_tilt and self.knows_heading else None
 
     @property
     def measures(self) -> bool:
-        """Whether `residuals` has any component."""
-        return bool(self._known(self.source if self._is_backward else self.target).any())
+        """Whether `at` has any component."""
+        return bool(self._known.any())
 
     @property
     def is_complete(self) -> bool:
         """Whether all six components are measured."""
-        return bool(self._known(self.source if self._is_backward else self.target).all())
+        return bool(self._known.all())
 
     def normalized(self, T_target_source: RigidTransform) -> tuple[float, int]:
-        """Chi-squared of a relative pose's `residuals`, and its degrees of freedom; (0.0, 0) without any."""
-        one = RigidTransform.concatenate([T_target_source])
-        residual, covariance = self.residuals(one)[0], self.residual_covariance(one)[0]
-        return float(residual @ np.linalg.solve(covariance, residual)), len(residual)
+        """Chi-squared of a relative pose, and its degrees of freedom; (0.0, 0) without any."""
+        off = self.at(T_target_source.rotation, T_target_source.translation)
+        return float(off.residual[0] @ np.linalg.solve(off.covariance[0], off.residual[0])), off.residual.shape[1]
 
-    def residuals(self, T_target_source: RigidTransform) -> np.ndarray:
-        """Differences of relative poses from the measurement, in the world's axes.
+    def at(self, R_target_source: Rotation, t: np.ndarray) -> Residuals:
+        """Residuals of N relative poses, t (N, 3) or one for all [m], or of a single pose.
 
         Tilt (2 components) and turn (1) need both attitudes, height (1) needs an attitude, and the horizontal shift (2)
-        also a heading. Measurements that only bound the pose have no residual.
-
-        Returns:
-            (N, k) of N poses [rad, m], the k <= 6 measured components of tilt, tilt, turn, East, North, Up.
+        also a heading. Measurements that only bound the pose have no residual. The covariance includes the correlation
+        of rotation and shift by the error of the target's attitude.
         """
+        R = Rotation.from_quat(np.atleast_2d(R_target_source.as_quat()))
+        t = t + np.zeros((len(R), 1))
+        jacobian = np.zeros((len(t), 6, 6))
         if self._is_backward:
-            return RelativePrior(self.source, self.target).residuals(T_target_source.inv())
-        tilt, turn = self._turn(T_target_source.rotation)
-        d = measured_rotation(self.target).apply(T_target_source.translation)
-        residual = np.column_stack([tilt, turn, d - self._shift])
-        return residual[:, self._known(self.target)]
-
-    def residual_covariance(self, T_target_source: RigidTransform) -> np.ndarray:
-        """Covariance (N, k, k) of the `residuals` of N relative poses, each taken for the true pose. It includes the
-        correlation of rotation and shift by the error of the target's attitude."""
-        if self._is_backward:
-            return RelativePrior(self.source, self.target).residual_covariance(T_target_source.inv())
-        _, turn = self._turn(T_target_source.rotation)
-        d = measured_rotation(self.target).apply(T_target_source.translation)
-        # errors of the target's rotation turn the pose and, with a lever, the shift; the source's only the pose
-        jacobian = np.zeros((len(d), 6, 3))
-        jacobian[:, :3] = np.eye(3)
-        jacobian[:, 3:] = -cross_matrices(self._lever(d, self.target))
-        covariance = jacobian @ rotation_covariance(self.target) @ jacobian.transpose(0, 2, 1)
-        covariance[:, :3, :3] += rotation_covariance(self.source, turn)
-        known = self._known(self.target)
-        covariance[:, 3:, 3:] += np.diag(np.where(known[3:], self._sigmas[3:], 0.0) ** 2)
-        return covariance[:, known][:, :, known]
-
-    def residual_jacobian(self, T_target_source: RigidTransform) -> np.ndarray:
-        """Jacobian (N, k, 6) of the `residuals` of N relative poses by a turn w and a shift s in the target's axes,
-        rotation first [rad, m]: R <- Exp(w) R, t <- t + s."""
-        jacobian = np.zeros((len(T_target_source), 6, 6))
-        if self._is_backward:
-            R_world_target = (measured_rotation(self.source) * T_target_source.rotation.inv()).as_matrix()
+            inverse = R.inv()
+            off = self._swapped.at(inverse, -inverse.apply(t))
+            R_world_target = (self._R_world_source * inverse).as_matrix()
             jacobian[:, :3, :3] = jacobian[:, 3:, 3:] = -R_world_target
-            jacobian[:, 3:, :3] = -R_world_target @ cross_matrices(T_target_source.translation)
-            return jacobian[:, self._known(self.source)]
-        jacobian[:, :3, :3] = jacobian[:, 3:, 3:] = measured_rotation(self.target).as_matrix()
-        return jacobian[:, self._known(self.target)]
+            jacobian[:, 3:, :3] = -R_world_target @ cross_matrices(t)
+            return replace(off, jacobian=jacobian[:, self._known])
+        jacobian[:, :3, :3] = jacobian[:, 3:, 3:] = self._R_world_target.as_matrix()
+        tilt, turn = self._turn(R)
+        d = self._R_world_target.apply(t)
+        # errors of the target's rotation turn the pose and, with a lever, the shift; the source's only the pose
+        moved = np.zeros((len(d), 6, 3))
+        moved[:, :3] = np.eye(3)
+        moved[:, 3:] = -cross_matrices(self._lever(d, self.target))
+        covariance = moved @ rotation_covariance(self.target) @ moved.transpose(0, 2, 1)
+        covariance[:, :3, :3] += rotation_covariance(self.source, turn)
+        covariance[:, 3:, 3:] += np.diag(np.where(self._known[3:], self._sigmas[3:], 0.0) ** 2)
+        residual = np.column_stack([tilt, turn, d - self._shift])[:, self._known]
+        return Residuals(residual, jacobian[:, self._known], covariance[:, self._known][:, :, self._known])
 
-    @property
+    @cached_property
+    def _R_world_target(self) -> Rotation:
+        return measured_rotation(self.target)
+
+    @cached_property
+    def _R_world_source(self) -> Rotation:
+        return measured_rotation(self.source)
+
+    @cached_property
     def _is_backward(self) -> bool:
         """Whether the source's prior measures more of its orientation than the target's."""
-        return self._reference(Rotation.identity())[0] is not self.target
+        target, source = ((each.knows_attitude, each.knows_heading) for each in (self.target, self.source))
+        return source[0] and source > target
 
-    @property
+    @cached_property
+    def _swapped(self) -> "RelativePrior":
+        return RelativePrior(self.source, self.target)
+
+    @cached_property
     def _sigmas(self) -> np.ndarray:
         """(6,) standard deviations of the differences between both priors [rad, m]."""
         return np.hypot(self.target.sigmas, self.source.sigmas)
 
-    @property
+    @cached_property
     def _shift(self) -> np.ndarray:
         """(3,) measured shift from the target to the source [m, world]."""
         return self.source.T_world_sensor.translation - self.target.T_world_sensor.translation
 
-    def _known(self, reference: PosePrior) -> np.ndarray:
+    @cached_property
+    def _known(self) -> np.ndarray:
         """(6,) bool, which of tilt, tilt, turn, East, North and Up have a residual."""
+        reference = self.source if self._is_backward else self.target
         turned = self.knows_tilt and self.knows_heading
         leveled = self.knows_depth and reference.knows_attitude
         headed = self.knows_position and reference.knows_attitude and reference.knows_heading
         return np.array([self.knows_tilt, self.knows_tilt, turned, headed, headed, leveled])
 
     def _turn(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray]:
-        """Difference of a rotation from the measured one, R_world_target R R_world_source^-1 = S Rz(turn): (N, 2)
+        """Difference of N rotations from the measured one, R_world_target R R_world_source^-1 = S Rz(turn): (N, 2)
         rotation vectors of S, whose axes are level, and (N,) turns within pi [rad]."""
-        R = Rotation.from_quat(np.atleast_2d(R_target_source.as_quat()))
-        difference = measured_rotation(self.target) * R * measured_rotation(self.source).inv()
+        difference = self._R_world_target * R_target_source * self._R_world_source.inv()
         turn = twist(difference)
         return (difference * Rotation.from_euler("Z", turn[:, None]).inv()).as_rotvec()[:, :2], turn
-
-    def _reference(self, R_target_source: Rotation) -> tuple[PosePrior, Rotation]:
-        """The prior that measures more of its orientation, and R_world_target by it."""
-
-        def worth(prior: PosePrior) -> tuple[bool, bool]:
-            return prior.knows_attitude, prior.knows_attitude and prior.knows_heading
-
-        if worth(self.source) > worth(self.target):
-            return self.source, measured_rotation(self.source) * R_target_source.inv()
-        return self.target, measured_rotation(self.target)
 
     def _lever(self, d: np.ndarray, reference: PosePrior) -> np.ndarray:
         """(..., 3) [m] lever of an error of the reference's rotation: the middle of the measured shift and d,
@@ -191,24 +189,23 @@ class RelativePrior:
         about East and North [rad]: n m rotations, turn by turn. Needs `knows_tilt`."""
         about = Rotation.from_euler("Z", np.repeat(turns, len(tilts))[:, None])
         tilted = Rotation.from_rotvec(np.tile(np.column_stack([tilts, np.zeros(len(tilts))]), (len(turns), 1)))
-        return measured_rotation(self.target).inv() * tilted * about * measured_rotation(self.source)
+        return self._R_world_target.inv() * tilted * about * self._R_world_source
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Center (3,) and half widths (3,) [m] of the box of 4 standard deviations that holds the source's origin, in
-        the target's axes; None unless all three directions are measured."""
-        if self._is_backward or not self._known(self.target)[3:].all():
+        """Center (3,) and half widths (..., 3) [m] of the box of 4 standard deviations that holds the source's origin,
+        in the target's axes, under each rotation; None unless all three directions are measured."""
+        if self._is_backward or not self._known[3:].all():
             return None
-        R_world_target = measured_rotation(self.target)
-        t = R_world_target.inv().apply(self._shift)
-        T = RigidTransform.concatenate([RigidTransform.from_components(t, R_target_source)])
-        covariance = self.residual_covariance(T)[0, -3:, -3:]
-        turn = R_world_target.as_matrix()
-        return t, _ALLOWED_SIGMAS * np.sqrt(np.diag(turn.T @ covariance @ turn))
+        t = self._R_world_target.inv().apply(self._shift)
+        covariance = self.at(R_target_source, t).covariance[:, -3:, -3:]
+        turn = self._R_world_target.as_matrix()
+        half = _ALLOWED_SIGMAS * np.sqrt(np.diagonal(turn.T @ covariance @ turn, axis1=1, axis2=2))
+        return t, half[0] if R_target_source.single else half
 
     def allows(self, R_target_source: Rotation, slack: float = 0.0) -> np.ndarray:
         """Whether a rotation, or each of a stack, agrees with attitudes and headings within 4 standard deviations and a
         slack [rad]; tilt and turn about the vertical are tested separately."""
-        tilt, turn = self._turn(R_target_source)
+        tilt, turn = self._turn(Rotation.from_quat(np.atleast_2d(R_target_source.as_quat())))
         allowed = np.ones(len(turn), dtype=bool)
         if self.knows_tilt:
             covariance = level_covariance(self.target) + level_covariance(self.source, turn)
@@ -227,7 +224,9 @@ class RelativePrior:
         R_target_source, one or a stack of N, is used if the source's prior measures more of its orientation than the
         target's.
         """
-        reference, R_world_target = self._reference(R_target_source)
+        reference, R_world_target = self.target, self._R_world_target
+        if self._is_backward:
+            reference, R_world_target = self.source, self._R_world_source * R_target_source.inv()
         d = np.atleast_2d(R_world_target.apply(t))
         if not R_target_source.single:
             d = np.broadcast_to(d, (len(R_target_source), 3))

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.prior import RelativePrior
+from sonarmap.spectral.prior import RelativePrior, Residuals
 from sonarmap.spectral.scan import PosePrior
 
 Kinds = tuple[slice, ...]
@@ -37,6 +37,11 @@ def pair(*kinds: slice, sigmas: np.ndarray = SIGMAS) -> RelativePrior:
 def between(target: Kinds, source: Kinds, sigmas: np.ndarray = SURE) -> RelativePrior:
     """A prior between scans with different kinds of measurements."""
     return RelativePrior(prior(T_TARGET, *target, sigmas=sigmas), prior(T_SOURCE, *source, sigmas=sigmas))
+
+
+def at(relative: RelativePrior, T: RigidTransform) -> Residuals:
+    """The residuals of poses."""
+    return relative.at(T.rotation, T.translation)
 
 
 def names_of(kinds: Kinds) -> str:

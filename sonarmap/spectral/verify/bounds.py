@@ -73,8 +73,8 @@ class Bounds:
         return Sweep(prior.turned(turns, prior.tilt_sigma * _TILTS), len(_TILTS), _NEAR if bounded else _APART)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Center (3,) and half widths (3,) [m] of the box that holds the source's sensor, in the target's axes; None if
-        position and depth do not bound all three axes."""
+        """Center (3,) and half widths (..., 3) [m] of the box that holds the source's sensor under each rotation, in the
+        target's axes; None if position and depth do not bound all three axes."""
         box = None if self.prior is None else self.prior.shift_box(R_target_source)
         return None if box is None else (box[0], box[1] + _SHIFT_SLACK * self.voxel)
 
@@ -93,9 +93,8 @@ class Bounds:
         prior = self.prior if self.by_instruments else None
         if prior is None or not prior.is_complete:
             return 1.0
-        T = RigidTransform.concatenate([T_target_source])
-        off = prior.residuals(T)[0]
-        sigmas = np.sqrt(np.diagonal(prior.residual_covariance(T)[0]))
+        at = prior.at(T_target_source.rotation, T_target_source.translation)
+        off, sigmas = at.residual[0], np.sqrt(np.diagonal(at.covariance[0]))
         near = np.repeat([NEAR_TURN, NEAR_SHIFT * voxel], 3)
         share = _RIGHT * float(np.prod(ndtr((off + near) / sigmas) - ndtr((off - near) / sigmas)))
         return max(share / (1 - share), 1.0)
@@ -144,49 +143,43 @@ class PairFrames:
     def transform(self, fit: Fit) -> RigidTransform:
         return RigidTransform.from_components(self._sensor_shift(fit.R, fit.shift), fit.R)
 
-    def moved(self, fit: Fit) -> float:
-        """Distance between the sensors and displacement of typical points by the turn, added in squares [voxels]."""
-        T = self.transform(fit)
-        turned = _SEEN_AT * float(T.rotation.magnitude())
-        return float(np.hypot(np.linalg.norm(T.translation) / self.grid.voxel, turned))
+    def moved(self, R: Rotation, shifts: np.ndarray) -> np.ndarray:
+        """(n,) distances between the sensors and displacements of typical points by the turn, added in squares
+        [voxels], by shifts (n, 3) between the grids [voxels]."""
+        away = np.linalg.norm(self._sensor_shift(R, shifts), axis=1) / self.grid.voxel
+        return np.hypot(away, _SEEN_AT * R.magnitude())
 
     def _sensor_shift(self, R: Rotation, shift: np.ndarray) -> np.ndarray:
         """Position (..., 3) [m] of the source's sensor in the target's frame, by shifts between the grids [voxels]."""
         return self.target.volume.center + shift * self.grid.voxel - R.apply(self.source.volume.center)
 
-    def box(self, R: Rotation) -> Box | None:
-        """Shifts between the grids' centers that position and depth allow [voxels]; None for all."""
+    def boxes(self, R: Rotation) -> list[Box | None]:
+        """Shifts between the grids' centers that position and depth allow under each of n rotations [voxels]; None for
+        all."""
         box = self.bounds.shift_box(R)
         if box is None:
-            return None
-        center = (box[0] - self.target.volume.center + R.apply(self.source.volume.center)) / self.grid.voxel
-        return Box(np.rint(center), box[1] / self.grid.voxel)
+            return [None] * len(R)
+        centers = (box[0] - self.target.volume.center + R.apply(self.source.volume.center)) / self.grid.voxel
+        return [Box(center, half) for center, half in zip(np.rint(centers), box[1] / self.grid.voxel, strict=True)]
 
     def within_bounds(self, candidates: Candidates) -> Candidates:
-        allowed = np.zeros(len(candidates.psr), dtype=bool)
-        for rotation in np.unique(candidates.rotation):
-            indices = np.flatnonzero(candidates.rotation == rotation)
-            R = candidates.R[int(indices[0])]
-            allowed[indices] = self.bounds.allow_shifts(R, self._sensor_shift(R, candidates.shifts[indices]))
-        return candidates.select(allowed)
+        sensors = self._sensor_shift(candidates.R, candidates.shifts)
+        return candidates.select(self.bounds.allow_shifts(candidates.R, sensors))
 
     def possible(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         if not hypotheses:
             return []
-        fits = [hypothesis.fit for hypothesis in hypotheses]
-        allowed = self.bounds.allow_rotations(Rotation.concatenate([fit.R for fit in fits]))
-        return [
-            hypothesis
-            for hypothesis, fit, turned in zip(hypotheses, fits, allowed, strict=True)
-            if turned and self.bounds.allow_shifts(fit.R, self._sensor_shift(fit.R, fit.shift)[None])[0]
-        ]
+        R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
+        sensors = self._sensor_shift(R, np.array([hypothesis.fit.shift for hypothesis in hypotheses]))
+        allowed = self.bounds.allow_rotations(R) & self.bounds.allow_shifts(R, sensors)
+        return [hypothesis for hypothesis, inside in zip(hypotheses, allowed, strict=True) if inside]
 
     def prior_at(self, R: Rotation, shifts: np.ndarray, stretches: bool) -> PriorTerm | None:
         """Instruments' residuals of k poses and their Jacobian by a turn and a shift between the grids, or None."""
         prior = self.bounds.prior
         if prior is None or not prior.measures:
             return None
-        T = RigidTransform.from_components(self._sensor_shift(R, shifts), R)
+        off = prior.at(R, self._sensor_shift(R, shifts))
         centers = R.apply(self.source.volume.center)
         # a turn about the grid's center also moves the sensor
         sensor = np.zeros((len(shifts), 6, 6))
@@ -196,8 +189,8 @@ class PairFrames:
         from_target = self.target.volume.center / voxel + shifts
         lever = float(np.sqrt((self.source.surface.points**2).sum(axis=1).mean()))
         return PriorTerm(
-            residual=prior.residuals(T),
-            jacobian=prior.residual_jacobian(T) @ sensor,
-            covariance=prior.residual_covariance(T),
+            residual=off.residual,
+            jacobian=off.jacobian @ sensor,
+            covariance=off.covariance,
             systematic=CALIBRATION.systematic(from_target, centers / voxel, np.full(len(shifts), lever), stretches),
         )

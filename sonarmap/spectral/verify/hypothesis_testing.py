@@ -51,7 +51,7 @@ class HypothesisTest(PairFrames):
 
     def find_candidates(self, rotations: RotationPeaks) -> Candidates:
         """Shifts of the source under each rotation, by the coarse grid and within the bounds."""
-        boxes = [self.box(R) for R in rotations.R]
+        boxes = self.boxes(rotations.R)
         return self.within_bounds(self.verifier.candidates(self.target, self.source, rotations, boxes))
 
     def refine_candidates(self, candidates: Candidates, count: int) -> list[Hypothesis]:
@@ -82,7 +82,7 @@ class HypothesisTest(PairFrames):
         R = Rotation.concatenate([finalist.fit.R for finalist in finalists])
         scores = np.array([finalist.rotation_score for finalist in finalists])
         kept = distinct(R, np.arange(len(finalists)), len(finalists), _SAME_ROTATION)
-        rotations, boxes = RotationPeaks(R[kept], scores[kept]), [self.box(each) for each in R[kept]]
+        rotations, boxes = RotationPeaks(R[kept], scores[kept]), self.boxes(R[kept])
         named = self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
         candidates = self.within_bounds(named)
         if not len(candidates.psr):
@@ -172,7 +172,7 @@ class HypothesisTest(PairFrames):
 
     def _unless_bounded(self) -> "HypothesisTest":
         """The test by the scans alone, unless instruments bound the place: on a flat bed nothing else constrains it."""
-        return self if self.box(Rotation.identity()) else self._without_instruments()
+        return self if self.bounds.shift_box(Rotation.identity()) else self._without_instruments()
 
     def _on_smoothed(self, level: int) -> "HypothesisTest":
         """The test on the scans' smoothed surfaces; level 0 is the smoothest."""
@@ -232,8 +232,9 @@ class HypothesisTest(PairFrames):
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
-        rows = zip(fits, origins, seen.evidence(fits), strict=True)
-        return [Hypothesis(fit, *origin, replace(shown, moved=self.moved(fit))) for fit, origin, shown in rows]
+        moved = self.moved(*_poses(fits)).tolist()
+        rows = zip(fits, origins, seen.evidence(fits), moved, strict=True)
+        return [Hypothesis(fit, *origin, replace(shown, moved=away)) for fit, origin, shown, away in rows]
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement of all poses."""
@@ -248,9 +249,13 @@ class HypothesisTest(PairFrames):
         return refine(*scans, start, [last], self.prior_at(start.R, start.shifts, start.stretches))
 
 
+def _poses(fits: Sequence[Fit]) -> tuple[Rotation, np.ndarray]:
+    """(n,) rotations and (n, 3) shifts."""
+    return Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
+
+
 def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
-    shifts, widths = np.array([fit.shift for fit in fits]), np.array([fit.width for fit in fits])
-    return Start(Rotation.concatenate([fit.R for fit in fits]), shifts, widths, stretches)
+    return Start(*_poses(fits), np.array([fit.width for fit in fits]), stretches)
 
 
 def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:

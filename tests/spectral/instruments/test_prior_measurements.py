@@ -20,6 +20,7 @@ from tests.samples.relative_priors import (
     T_TRUE,
     Kinds,
     about_vertical,
+    at,
     between,
     knowing,
     names_of,
@@ -36,7 +37,7 @@ def perturbed(T: RigidTransform, tangent: np.ndarray) -> RigidTransform:
 
 def differences(relative: RelativePrior, T: RigidTransform, step: float = 1e-5) -> np.ndarray:
     """The jacobian of the residuals by central differences, (k, 6)."""
-    ahead, behind = (relative.residuals(perturbed(T, sign * step * np.eye(6))) for sign in (1, -1))
+    ahead, behind = (at(relative, perturbed(T, sign * step * np.eye(6))).residual for sign in (1, -1))
     return (ahead - behind).T / (2 * step)
 
 
@@ -54,10 +55,6 @@ def known(target: Kinds, source: Kinds) -> list[bool]:
     return [attitude, attitude, attitude and heading, position and headed, position and headed, depth and leveled]
 
 
-def stack(T: RigidTransform) -> RigidTransform:
-    return RigidTransform.concatenate([T])
-
-
 def tilted(tilt: tuple[float, float], turn: float) -> RigidTransform:
     """The true pose with these errors of tilt and turn in the world [rad], and of the shift."""
     off = Rotation.from_rotvec([*tilt, 0]) * Rotation.from_euler("Z", turn)
@@ -70,7 +67,7 @@ class TestWhateverIsKnown:
     @pytest.mark.quick_cases(5)
     def test_the_measured_pose_has_no_residuals(self, target: Kinds) -> None:
         for source in EVERY:
-            residuals = between(target, source).residuals(stack(T_TRUE))
+            residuals = at(between(target, source), T_TRUE).residual
             assert residuals.shape == (1, sum(known(target, source)))
             np.testing.assert_allclose(residuals, 0, atol=1e-12)
 
@@ -78,7 +75,7 @@ class TestWhateverIsKnown:
     def test_the_covariance_is_of_the_residuals(self, target: Kinds) -> None:
         for source in EVERY:
             count = sum(known(target, source))
-            covariance = between(target, source).residual_covariance(stack(T_TRUE))[0]
+            covariance = at(between(target, source), T_TRUE).covariance[0]
             assert covariance.shape == (count, count)
             np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
             assert (np.linalg.eigvalsh(covariance) > 0).all()
@@ -87,7 +84,7 @@ class TestWhateverIsKnown:
     def test_the_jacobian_is_exact_where_no_tilt_is_left(self, target: Kinds) -> None:
         for source in EVERY:
             relative, T = between(target, source), tilted((0.0, 0.0), 0.3)
-            np.testing.assert_allclose(relative.residual_jacobian(stack(T))[0], differences(relative, T), atol=1e-6)
+            np.testing.assert_allclose(at(relative, T).jacobian[0], differences(relative, T), atol=1e-6)
 
 
 class TestResiduals:
@@ -95,7 +92,7 @@ class TestResiduals:
         tilt, turn, shift = (0.03, -0.05), 0.2, np.array([1.0, 2.0, -3.0])
         T = tilted(tilt, turn)
         t = T_TRUE.translation + T_TARGET.rotation.inv().apply(shift)
-        residuals = pair(*ALL).residuals(stack(RigidTransform.from_components(t, T.rotation)))
+        residuals = pair(*ALL).at(T.rotation, t).residual
         np.testing.assert_allclose(residuals, [[*tilt, turn, *shift]], atol=1e-12)
 
     def test_with_the_source_as_reference_they_are_those_of_the_inverse(self) -> None:
@@ -103,7 +100,7 @@ class TestResiduals:
         relative = between((ATTITUDE, POSITION, DEPTH), ALL)
         shift = np.array([1.0, 2.0, -3.0])
         moved = RigidTransform.from_components(T_SOURCE.translation - shift, T_SOURCE.rotation)
-        residuals = relative.residuals(stack(T_TARGET.inv() * moved))
+        residuals = at(relative, T_TARGET.inv() * moved).residual
         np.testing.assert_allclose(residuals, [[0, 0, *shift]], atol=1e-12)
 
 
@@ -139,10 +136,9 @@ def redrawn(draw: tuple[PosePrior, PosePrior], target: Kinds, source: Kinds) -> 
 @pytest.mark.slow
 def test_the_covariance_is_that_of_the_instruments_errors(draws, target, source):
     """Whitened variances of 800 draws are 1 within 4 standard deviations, 20 %, and the means are 0."""
-    true = stack(T_TRUE)
-    residuals = np.array([redrawn(draw, target, source).residuals(true)[0] for draw in draws])
+    residuals = np.array([at(redrawn(draw, target, source), T_TRUE).residual[0] for draw in draws])
     exact = redrawn((PosePrior(T_TARGET, SURE), PosePrior(T_SOURCE, SURE)), target, source)
-    whitening = np.linalg.inv(np.linalg.cholesky(exact.residual_covariance(stack(T_TRUE))[0]))
+    whitening = np.linalg.inv(np.linalg.cholesky(at(exact, T_TRUE).covariance[0]))
     white = residuals @ whitening.T
     np.testing.assert_allclose(white.T @ white / DRAWS, np.eye(white.shape[1]), atol=4 * np.sqrt(2 / DRAWS))
     np.testing.assert_allclose(white.mean(axis=0), 0, atol=4 / np.sqrt(DRAWS))

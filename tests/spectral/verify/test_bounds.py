@@ -33,7 +33,7 @@ def bounds(prior: RelativePrior | None, voxel: float = 0.5) -> Bounds:
 
 def world_turns(relative: RelativePrior, R: Rotation) -> np.ndarray:
     """Turns of rotations from the measured one, (n,) [rad]."""
-    return relative.residuals(RigidTransform.from_rotation(R))[:, 2]
+    return relative.at(R, np.zeros(3)).residual[:, 2]
 
 
 class TestSweep:
@@ -58,7 +58,7 @@ class TestSweep:
             measured = (unexact(T, rng, SURE, most=2.5) for T in (T_target, T_source))
             relative = RelativePrior(*(prior(each.T_world_sensor, *kinds, sigmas=SURE) for each in measured))
             true = R_target.inv() * R_source
-            tilt = relative.residuals(RigidTransform.concatenate([RigidTransform.from_rotation(true)]))[0, :2]
+            tilt = relative.at(true, np.zeros(3)).residual[0, :2]
             sweep = bounds(relative).sweep
             assert sweep is not None
             off = (sweep.R.inv() * true).magnitude().min()
@@ -93,7 +93,7 @@ class TestSweep:
         assert sweep is not None
         each = sweep.tilts
         assert len(sweep.R) % each == 0
-        residuals = relative.residuals(RigidTransform.from_rotation(sweep.R)).reshape(-1, each, 3)
+        residuals = relative.at(sweep.R, np.zeros(3)).residual.reshape(-1, each, 3)
         np.testing.assert_allclose(residuals[:, :, 2], residuals[:, :1, 2] + np.zeros(each), atol=1e-9)
         assert len(np.unique(np.round(residuals[:, 0, 2], 9))) == len(residuals)
         tilts = residuals[:, :, :2] / relative.tilt_sigma
