@@ -8,7 +8,7 @@ from sonarmap.spectral.scan import PosePrior
 
 def measured_rotation(prior: PosePrior) -> Rotation:
     """R_world_sensor; without a measured attitude only its turn about the vertical."""
-    R = prior.T_world_sensor.rotation
+    R = prior.R_world_sensor
     return R if prior.knows_attitude else Rotation.from_euler("Z", twist(R))
 
 
@@ -23,7 +23,7 @@ def twist(R: Rotation) -> np.ndarray:
 
 def level_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:
     """Covariance (2, 2), or (N, 2, 2) for N turns, of roll and pitch errors in the world [rad^2], turned about z."""
-    angle = (np.asarray(turn) + twist(prior.T_world_sensor.rotation)) * prior.turned
+    angle = (np.asarray(turn) + twist(prior.R_world_sensor)) * prior.turned
     cosine, sine = np.cos(angle), np.sin(angle)
     roll, pitch = prior.sigmas[:2] ** 2
     covariance = np.empty((*np.shape(angle), 2, 2))

@@ -1,15 +1,16 @@
 """One scan: the points that a sensor saw from one pose."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PosePrior:
     """A scan's pose as measured by the vehicle's instruments, with the standard deviations of their errors.
 
@@ -61,6 +62,11 @@ class PosePrior:
                     f"`sigmas` know only one of {names} ({sigmas[first]:g} and {sigmas[first + 1]:g}); give both a "
                     "standard deviation, or both inf"
                 )
+
+    @cached_property
+    def R_world_sensor(self) -> Rotation:
+        """The rotation of the measured pose; SciPy checks its matrix each time that it is taken from the pose."""
+        return self.T_world_sensor.rotation
 
     @property
     def knows_attitude(self) -> bool:

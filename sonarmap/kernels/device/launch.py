@@ -120,7 +120,11 @@ def enqueue(
 ) -> None:
     """Enqueue a kernel of a generated program; arguments and errors as in `launch`."""
     refuse_fork()
-    values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
+    # most arrays begin with their buffer: a call for each of 3000 arguments of a pair would take a millisecond
+    values = [
+        value if not isinstance(value, cla.Array) else buffer_of(device, value) if value.offset else memory_of(value)
+        for value in arguments
+    ]
     try:
         kernel(device.queue, size, group, *values)
     except (cl.MemoryError, cl.RuntimeError):
@@ -129,9 +133,7 @@ def enqueue(
 
 
 def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
-    """The buffer of a device array as a kernel argument; a sub-buffer for a slice along the first axis."""
-    if not array.offset:
-        return memory_of(array)
+    """The sub-buffer of a slice along the first axis, as a kernel argument."""
     alignment = device.cl_device.mem_base_addr_align // 8
     if array.offset % alignment:
         raise InputError(
@@ -172,18 +174,18 @@ def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.
 
 
 def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.ndarray:
-    """(4, 4) float64 homogeneous matrix; InputError if `R` is no rotation or `offset` not finite."""
+    """(..., 4, 4) float64 homogeneous matrices; InputError if an `R` is no rotation or an `offset` not finite."""
     turn = np.eye(3) if R is None else np.asarray(R, np.float64)
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     # not `allclose`, which takes longer than a launch
-    if turn.shape != (3, 3) or not np.abs(turn @ turn.T - np.eye(3)).max() <= 1e-4:
+    if turn.shape[-2:] != (3, 3) or not np.abs(turn @ np.swapaxes(turn, -1, -2) - np.eye(3)).max(initial=0.0) <= 1e-4:
         raise InputError(f"`R` is {turn.tolist()}; wanted a (3, 3) rotation matrix")
-    if np.linalg.det(turn) < 0:
+    if (np.linalg.det(turn) < 0).any():
         raise InputError(f"`R` is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")
-    if shift.shape != (3,) or not np.isfinite(shift).all():
+    if shift.shape != turn.shape[:-1] or not np.isfinite(shift).all():
         raise InputError(f"`offset` is {shift.tolist()}; wanted 3 finite numbers")
-    rows = np.eye(4)
-    rows[:3, :3], rows[:3, 3] = turn, shift
+    rows = np.zeros((*turn.shape[:-2], 4, 4))
+    rows[..., :3, :3], rows[..., :3, 3], rows[..., 3, 3] = turn, shift, 1.0
     return rows
 
 
@@ -215,7 +217,8 @@ def output(
 
 def memory_of(array: cla.Array) -> cl.Buffer:
     """The whole buffer that contains an array or a slice, `array.offset` bytes from its beginning."""
-    return cast(cl.Buffer, array.base_data)
+    # pyrefly: ignore[bad-return]
+    return array.base_data
 
 
 def begin_of(array: cla.Array) -> np.uint64:

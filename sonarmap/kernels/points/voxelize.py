@@ -43,20 +43,20 @@ def voxelize(
 
 
 def voxelize_poses(
-    device: Device, points: cla.Array, volumes: cla.Array, marks: cla.Array, poses: cla.Array, first: int = 0
+    device: Device, points: cla.Array, volumes: cla.Array, marks: cla.Array, poses: cla.Array, first: int, count: int
 ) -> None:
-    """Voxelize the points under several poses at once, as `voxelize` does, into volumes that are empty.
+    """Voxelize the points under `count` poses at once, as `voxelize` does, into volumes that are empty.
 
     Args:
         points: (n, 4) float32, as in `voxelize`.
-        volumes: (count, edge, edge, edge) float32, 0 everywhere.
-        marks: (count, edge^2 / 8, rounded up) int32: set to 1 for each 8 rows that hold a point.
+        volumes: (at least count, edge, edge, edge) float32, 0 everywhere.
+        marks: (as many, edge^2 / 8, rounded up) int32: set to 1 for each 8 rows that hold a point.
         poses: (m, 20) float32, m at least first + count: `affine_rows` of R and the offset + edge/2 + 0.5; 4 unused.
         first: the first volume's pose.
     """
     points_count, _ = require_array(points, "points", (None, 4))
-    count, edge, _, _ = require_array(volumes, "volumes", (None, None, None, None))
-    require_array(marks, "marks", (count, -(-(edge**2) // 8)), np.int32)
+    most, edge, _, _ = require_array(volumes, "volumes", (None, None, None, None))
+    require_array(marks, "marks", (most, -(-(edge**2) // 8)), np.int32)
     require_array(poses, "poses", (None, 20))
     if points_count:
         arguments = points, volumes, marks, poses, np.int32(points_count), np.int32(first)

@@ -129,11 +129,12 @@ class Correlator:
 
     def _upload(self, poses: Sequence[Pose]) -> cla.Array:
         """Upload poses as rows (m, 20) float32 in the layout of voxelize.cl and choose.cl."""
-        rows = np.zeros((len(poses), 20), np.float32)
-        for row, pose in zip(rows, poses, strict=True):
-            shift = np.zeros(3) if pose.offset is None else np.asarray(pose.offset, np.float64)
-            row[:16] = affine_rows(pose.R, shift + (self.edge / 2 + 0.5)).ravel()
-            row[16:19] = self.edge if pose.limits is None else np.floor(np.minimum(pose.limits, self.edge))
+        rows, anywhere = np.zeros((len(poses), 20), np.float32), np.full(3, self.edge)
+        R = np.array([pose.R for pose in poses]).reshape(-1, 3, 3)
+        offsets = np.array([np.zeros(3) if pose.offset is None else pose.offset for pose in poses]).reshape(-1, 3)
+        limits = np.array([anywhere if pose.limits is None else pose.limits for pose in poses]).reshape(-1, 3)
+        rows[:, :16] = affine_rows(R, offsets + (self.edge / 2 + 0.5)).reshape(-1, 16)
+        rows[:, 16:19] = np.floor(np.minimum(limits, self.edge))
         return self.device.to_device(rows)
 
     def _voxelize(self, points: cla.Array, rows: cla.Array, first: int, now: int) -> None:
@@ -142,7 +143,7 @@ class Correlator:
             zero(self.device, self._volumes)
             self._marks.fill(0)
         self._clean = False
-        voxelize_poses(self.device, points, self._volumes[:now], self._marks[:now], rows, first)
+        voxelize_poses(self.device, points, self._volumes, self._marks, rows, first, now)
         self._passes.forward(self._volumes, self._marks, self._spectra, now)
         self._clean = self._passes.clears
 

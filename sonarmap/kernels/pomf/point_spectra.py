@@ -66,7 +66,7 @@ class PointSpectra:
             zero(self._device, self._volume)
             self._marks.fill(0)
         self._clean = False
-        voxelize_poses(self._device, points, self._volume, self._marks, self._pose)
+        voxelize_poses(self._device, points, self._volume, self._marks, self._pose, 0, 1)
         arrays = self._volume, self._marks, self._filled, out[0]
         enqueue(self._device, self._planes, (self._edge,), *arrays, group=(1,))
         arrays = out[0], self._filled, *out[1:], *(() if magnitudes is None else (magnitudes,))

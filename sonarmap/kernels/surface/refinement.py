@@ -167,6 +167,10 @@ class Refinement:
         arguments = self._sums, self._records, self._poses, np.int32(self._parts), np.int32(alone), stretches, *numbers
         self._launch("surface/solve", "solve", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)
 
+    def record(self) -> Record:
+        """The record of the last step, without the doubts; waits for the device."""
+        return Record.of(Readback(self.device, self._records).read())
+
     def end(self) -> "LastStep":
         """The result of the last step, which must not have moved the poses; its read is queued."""
         poses, stretches = self._rows.shape[0], np.int32(self._stretching is not None)

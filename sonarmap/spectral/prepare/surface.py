@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -32,7 +33,7 @@ def _hemisphere(count: int) -> np.ndarray:
 _DIRECTIONS = _hemisphere(26)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Surface:
     """Points and normals of one scan, about its grid's center, on host and device."""
 
@@ -46,6 +47,11 @@ class Surface:
     def points(self) -> np.ndarray:
         """(m, 3) float32 [voxels]."""
         return self.rows[:, :3]
+
+    @cached_property
+    def lever(self) -> float:
+        """Root mean square distance of the points from the grid's center [voxels]."""
+        return float(np.sqrt((self.points**2).sum(axis=1).mean()))
 
     @property
     def inner(self) -> np.ndarray:

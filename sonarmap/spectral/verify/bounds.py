@@ -73,8 +73,8 @@ class Bounds:
         return Sweep(prior.turned(turns, prior.tilt_sigma * _TILTS), len(_TILTS), _NEAR if bounded else _APART)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Center (3,) and half widths (..., 3) [m] of the box that holds the source's sensor under each rotation, in the
-        target's axes; None if position and depth do not bound all three axes."""
+        """Center (3,) and half widths (..., 3) [m] of the box that holds the source's sensor, along the target's axes,
+        for each rotation; None if position and depth do not bound all three axes."""
         box = None if self.prior is None else self.prior.shift_box(R_target_source)
         return None if box is None else (box[0], box[1] + _SHIFT_SLACK * self.voxel)
 
@@ -174,11 +174,8 @@ class PairFrames:
         allowed = self.bounds.allow_rotations(R) & self.bounds.allow_shifts(R, sensors)
         return [hypothesis for hypothesis, inside in zip(hypotheses, allowed, strict=True) if inside]
 
-    def prior_at(self, R: Rotation, shifts: np.ndarray, stretches: bool) -> PriorTerm | None:
-        """Instruments' residuals of k poses and their Jacobian by a turn and a shift between the grids, or None."""
-        prior = self.bounds.prior
-        if prior is None or not prior.measures:
-            return None
+    def prior_at(self, prior: RelativePrior, R: Rotation, shifts: np.ndarray, stretches: bool) -> PriorTerm:
+        """Residuals of k poses by instruments, and their Jacobian by a turn and a shift between the grids."""
         off = prior.at(R, self._sensor_shift(R, shifts))
         centers = R.apply(self.source.volume.center)
         # a turn about the grid's center also moves the sensor
@@ -187,10 +184,10 @@ class PairFrames:
         sensor[:, 3:, :3] = cross_matrices(centers)
         voxel = self.grid.voxel
         from_target = self.target.volume.center / voxel + shifts
-        lever = float(np.sqrt((self.source.surface.points**2).sum(axis=1).mean()))
+        lever = np.full(len(shifts), self.source.surface.lever)
         return PriorTerm(
             residual=off.residual,
             jacobian=off.jacobian @ sensor,
             covariance=off.covariance,
-            systematic=CALIBRATION.systematic(from_target, centers / voxel, np.full(len(shifts), lever), stretches),
+            systematic=CALIBRATION.systematic(from_target, centers / voxel, lever, stretches),
         )

@@ -37,11 +37,16 @@ class PriorTerm:
 
     def information(self) -> np.ndarray:
         """(..., 6, 6) information of the instruments about the turn and shift."""
-        return _transposed(self.jacobian) @ np.linalg.solve(self.covariance, self.jacobian)
+        return self._weighted() @ self.jacobian
 
-    def pull(self) -> np.ndarray:
-        """(..., 6) gradient of half of chi-squared."""
-        return _times(_transposed(self.jacobian), _solved(self.covariance, self.residual))
+    def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
+        """(..., 6, 6) information, and (..., 6) gradient of half of chi-squared."""
+        weighted = self._weighted()
+        return weighted @ self.jacobian, _times(weighted, self.residual)
+
+    def _weighted(self) -> np.ndarray:
+        """(..., 6, m) transposed Jacobian times the inverse of the covariance."""
+        return _transposed(np.linalg.solve(self.covariance, self.jacobian))
 
     def squared(self) -> np.ndarray:
         """(...) chi-squared of the residual."""
@@ -59,7 +64,9 @@ class PriorTerm:
         believed, distorted = _LIMITS[off.shape[-1] - 1]
         squared = (off * _solved(together, off)).sum(axis=-1)
         factor = np.maximum(squared - believed, 0.0) / np.maximum(distorted - squared, distorted / _UNKNOWN)
-        along = _times(np.linalg.pinv(self.jacobian), off)
+        # the shortest step that explains `off`: the rows of the Jacobian are independent
+        across = _transposed(self.jacobian)
+        along = _times(across, _solved(self.jacobian @ across, off))
         share = factor / np.maximum(squared, believed)
         return share[..., None, None] * along[..., :, None] * along[..., None, :]
 
@@ -69,8 +76,8 @@ def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) ->
     independent errors of points."""
     scans = covariance + term.systematic
     information = np.linalg.inv(scans + term.distortion(scans, step))
-    total = information + term.information() + _STAY * np.eye(6)
-    return _solved(total, _times(information, step) - term.pull())
+    measured, gradient = term.normal_equations()
+    return _solved(information + measured + _STAY * np.eye(6), _times(information, step) - gradient)
 
 
 def _transposed(matrix: np.ndarray) -> np.ndarray:

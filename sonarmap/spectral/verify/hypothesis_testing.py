@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import log
 
 import numpy as np
@@ -238,15 +239,9 @@ class HypothesisTest(PairFrames):
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement of all poses."""
-        scans = self.verifier.device, self.target.surface, self.source.surface
-        if self.bounds.prior is None:
-            return refine(*scans, start, stages)
-        # the prior is linearized anew at each stage
-        *before, last = stages
-        for stage in before:
-            prior = self.prior_at(start.R, start.shifts, start.stretches)
-            start = _start(refine(*scans, start, [stage], prior).read(), start.stretches)
-        return refine(*scans, start, [last], self.prior_at(start.R, start.shifts, start.stretches))
+        prior = self.bounds.prior
+        prior_at = partial(self.prior_at, prior) if prior is not None and prior.measures else None
+        return refine(self.verifier.device, self.target.surface, self.source.surface, start, stages, prior_at)
 
 
 def _poses(fits: Sequence[Fit]) -> tuple[Rotation, np.ndarray]:

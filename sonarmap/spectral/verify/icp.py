@@ -4,14 +4,15 @@ The iterative closest point of Chen and Medioni (1992, DOI 10.1016/0262-8856(92)
 McClure, which suppress surfaces that only one scan shows. It needs a start near the true pose.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.arrays import upload_poses
-from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.surface.refinement import LastStep, Record, Refinement, Stretching, Weighting
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, posterior_step, shares_along
@@ -22,9 +23,9 @@ _AGREEING = 0.3  # ratio of shared to whole information from which it is not due
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """State of k refinements: rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2), and priors."""
+    """State of k refinements: rotations (k,), shifts (k, 3), widths (k,), stretches (k, 2), and priors."""
 
-    turn: np.ndarray
+    R: Rotation
     shift: np.ndarray
     width: np.ndarray
     stretch: np.ndarray | None
@@ -65,7 +66,7 @@ class NormalEquations:
         if state.prior is not None:
             step = posterior_step(alone, self._usual_covariance(), state.prior)
         moved = State(
-            turn=Rotation.from_rotvec(step[:, :3]).as_matrix() @ state.turn,
+            R=Rotation.from_rotvec(step[:, :3]) * state.R,
             shift=state.shift + step[:, 3:],
             width=state.width,
             stretch=None if state.stretch is None else self._stretched(state.stretch, step, state.prior is not None),
@@ -84,10 +85,11 @@ class NormalEquations:
         """(k, 6) step of the pose, with the change of the stretches restricted to opposite ones: minimizing distances
         over a common stretch would shrink both scans."""
         hessian, gradient = self.hessian, self.gradient
-        if state.stretch is not None:
-            common = state.stretch.mean(axis=1)[:, None, None] * np.ones((2, 1))
-            gradient = gradient - (hessian[:, :, 6:] @ common)[:, :, 0]
-            hessian, gradient = _OPPOSITE.T @ hessian @ _OPPOSITE, gradient @ _OPPOSITE
+        if state.stretch is None:
+            return -np.linalg.solve(_damped(hessian), gradient[:, :, None])[:, :, 0]
+        common = state.stretch.mean(axis=1)[:, None, None] * np.ones((2, 1))
+        gradient = gradient - (hessian[:, :, 6:] @ common)[:, :, 0]
+        hessian, gradient = _OPPOSITE.T @ hessian @ _OPPOSITE, gradient @ _OPPOSITE
         across, stretch = hessian[:, 6:, :6], hessian[:, 6:, 6:]
         rest = across.transpose(0, 2, 1) @ np.linalg.solve(stretch, gradient[:, 6:, None])
         return -np.linalg.solve(_damped(_of_pose(hessian)), gradient[:, :6, None] - rest)[:, :, 0]
@@ -106,7 +108,9 @@ def _known_stretch(variance: np.ndarray) -> np.ndarray:
 
 
 def _of_pose(hessian: np.ndarray) -> np.ndarray:
-    """(k, 6, 6) Hessian of the pose with the stretches eliminated: the Schur complement."""
+    """(k, 6, 6) Hessian of the pose with the stretches eliminated, if there are any: the Schur complement."""
+    if hessian.shape[1] == 6:
+        return hessian
     pose, across, stretch = hessian[:, :6, :6], hessian[:, 6:, :6], hessian[:, 6:, 6:]
     return pose - across.transpose(0, 2, 1) @ np.linalg.solve(stretch, across)
 
@@ -154,21 +158,12 @@ class Stage:
     points: int  # largest number of points of each scan
 
 
+@dataclass(frozen=True, slots=True)
 class Refined:
-    """k refinements whose results are on the device; `poses` are the refined ones, in the layout of `upload_poses`."""
+    """k refinements whose results are on the device."""
 
-    def __init__(self, device: Device, last: LastStep, prior: PriorTerm | None, stretches: bool) -> None:
-        """Take the last step from the device's queue; with a prior, read it at once and finish it on the host."""
-        self.poses, self._last, self._stretches = last.poses, last, stretches
-        self._fits: list[Fit] | None = None
-        if prior is not None:
-            self._fits = _fits(last.read(), prior, stretches)
-            turns, shifts = Rotation.concatenate([fit.R for fit in self._fits]), [fit.shift for fit in self._fits]
-            self.poses = upload_poses(device, turns.as_matrix(), np.array(shifts))
-
-    def read(self) -> list[Fit]:
-        """The refined poses with their information; waits for the device."""
-        return _fits(self._last.read(), None, self._stretches) if self._fits is None else self._fits
+    poses: Array  # the refined ones, in the layout of `upload_poses`
+    read: Callable[[], list[Fit]]  # the same with their information; waits for the device
 
 
 def refine(
@@ -177,32 +172,57 @@ def refine(
     source: Surface,
     begin: Start,
     stages: Sequence[Stage],
-    prior: PriorTerm | None = None,
+    prior_at: Callable[[Rotation, np.ndarray, bool], PriorTerm] | None = None,
 ) -> Refined:
     """Queue Gauss-Newton refinements of k poses, independent of each other; stage by stage, from coarse to fine.
 
-    The device takes all steps without a read, except with a prior, which is combined with the planes in each step.
-    With a prior or stretches there must be a single stage.
+    The device takes all steps without a read, except with a prior, which is combined with the planes in each step and
+    linearized at each stage (`PairFrames.prior_at`). With stretches there must be a single stage.
     """
-    *before, last = stages
-    stretches = begin.stretches
-    stretch = np.zeros((len(begin.shifts), 2)) if stretches else None
-    steps = _refinement(device, target, source, stages[0].points, stretches)
-    steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, stretch)
-    for stage, following in zip(before, stages[1:], strict=True):
+    stretch = np.zeros((len(begin.shifts), 2)) if begin.stretches else None
+    state = State(begin.R, begin.shifts, begin.widths, stretch, None)
+    if prior_at is not None:
+        last, state = _with_prior(device, target, source, state, stages, prior_at)
+        fits = _fits(last.read(), state)
+        turns, shifts = Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
+        return Refined(upload_poses(device, turns.as_matrix(), shifts), lambda: fits)
+    steps = _refinement(device, target, source, stages[0].points, begin.stretches)
+    steps.begin(state.R.as_matrix(), state.shift, state.width, stretch)
+    for stage, following in pairwise(stages):
         for reach in stage.reaches:
             steps.step(reach, alone=True)
-        ended, steps = steps, _refinement(device, target, source, following.points, stretches)
+        ended, steps = steps, _refinement(device, target, source, following.points, begin.stretches)
         steps.begin_after(ended)
-    for reach in last.reaches[:-1]:
-        steps.step(reach, alone=prior is None)
-        if prior is not None:
-            state, equations = _equations(steps.end().read(), prior, stretches)
-            state, _ = equations.moved(state)
-            prior = state.prior
-            steps.begin(state.turn, state.shift, state.width, state.stretch)
-    steps.step(last.reaches[-1], alone=False)
-    return Refined(device, steps.end(), prior, stretches)
+    *reaches, closest = stages[-1].reaches
+    for reach in reaches:
+        steps.step(reach, alone=True)
+    steps.step(closest, alone=False)
+    last = steps.end()
+    return Refined(last.poses, lambda: _fits(last.read(), state))
+
+
+def _with_prior(
+    device: Device,
+    target: Surface,
+    source: Surface,
+    state: State,
+    stages: Sequence[Stage],
+    prior_at: Callable[[Rotation, np.ndarray, bool], PriorTerm],
+) -> tuple[LastStep, State]:
+    """The last step of a refinement with a prior, and the state before it."""
+    stretches, last = state.stretch is not None, stages[-1].reaches[-1]
+    for stage in (*stages[:-1], replace(stages[-1], reaches=stages[-1].reaches[:-1])):
+        steps = _refinement(device, target, source, stage.points, stretches)
+        state = replace(state, prior=prior_at(state.R, state.shift, stretches))
+        for reach in stage.reaches:
+            steps.begin(state.R.as_matrix(), state.shift, state.width, state.stretch)
+            steps.step(reach, alone=False)
+            record = steps.record()
+            state = replace(state, width=record.width)
+            state, _ = NormalEquations.of(record, state).moved(state)
+    steps.begin(state.R.as_matrix(), state.shift, state.width, state.stretch)
+    steps.step(last, alone=False)
+    return steps.end(), state
 
 
 def _refinement(device: Device, target: Surface, source: Surface, most: int, stretches: bool) -> Refinement:
@@ -216,30 +236,26 @@ def _refinement(device: Device, target: Surface, source: Surface, most: int, str
     return Refinement(device, *elements, most, replace(_WEIGHTING, scale=scale), stretching)
 
 
-def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:
-    """The state on the host, and the normal equations there."""
-    state = State(record.turn, record.shift, record.width, record.stretch if stretches else None, prior)
-    return state, NormalEquations.of(record, state)
-
-
-def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]:
-    """The fits after the last step, with the information measured before it."""
-    state, normal = _equations(record, prior, stretches)
-    if prior is None:
-        stretch = record.next_stretch if stretches else None
-        moved = State(record.next_turn, record.next_shift, record.width, stretch, None)
+def _fits(record: Record, before: State) -> list[Fit]:
+    """The fits after the last step, with the information measured before it. `before` is the state before that step, or
+    without a prior before all steps."""
+    state = replace(before, width=record.width, stretch=None if before.stretch is None else record.stretch)
+    normal = NormalEquations.of(record, state)
+    if state.prior is None:
+        stretch = None if before.stretch is None else record.next_stretch
+        moved = State(Rotation.from_matrix(record.next_turn), record.next_shift, record.width, stretch, None)
         alone = np.zeros((len(record.total), 6))
     else:
         moved, alone = normal.moved(state)
     shared = normal.shared
     information, total = shared[:, :6, :6], record.total
     counted = np.where(total > 0, total, 1.0)
-    R, residual = Rotation.from_matrix(moved.turn), np.sqrt(record.squares / counted)
+    residual = np.sqrt(record.squares / counted)
     noise = shares_along(normal.whole[:, :6, :6] - information, information, counted)
     doubt = np.hypot(np.sqrt(record.doubts) / counted[:, None], _ALIKE * noise)
     return [
         Fit(
-            R=R[n],
+            R=moved.R[n],
             shift=moved.shift[n],
             information=information[n],
             residual=float(residual[n]),

@@ -63,9 +63,9 @@ def test_batch_of_poses_equals_single_poses(device):
         row[:16] = affine_rows(R, offset + edge / 2 + 0.5).ravel()
     volumes = device.to_device(np.zeros((2, edge, edge, edge), np.float32))
     marks = device.to_device(np.zeros((2, edge * edge // 8), np.int32))
-    voxelize_poses(device, points, volumes, marks, device.to_device(rows), 1)
+    voxelize_poses(device, points, volumes, marks, device.to_device(rows), 1, 2)
     for n, (R, offset) in enumerate(zip(turns[1:], offsets[1:], strict=True)):
         want = voxelize(device, points, edge, R, offset).get()
         np.testing.assert_array_equal(volumes.get()[n], want)
         np.testing.assert_array_equal(marks.get()[n] > 0, want.reshape(edge * edge // 8, -1).any(axis=1))
-    refuses("marks", voxelize_poses, device, points, volumes, marks[:1], device.to_device(rows))
+    refuses("marks", voxelize_poses, device, points, volumes, marks[:1], device.to_device(rows), 1, 2)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.surface.refinement import Record
 from sonarmap.spectral.verify.fit import CALIBRATION
@@ -30,7 +31,7 @@ def test_information_of_noise_alone_gets_less_weight(share: float) -> None:
     np.testing.assert_allclose(ratio, [1, 1, 1, 1 / CALIBRATION.usual, 1, 1], rtol=1e-6)
 
 
-BEGIN = State(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.full(2, 0.3), np.zeros((2, 2)), None)
+BEGIN = State(Rotation.identity(2), np.zeros((2, 3)), np.full(2, 0.3), np.zeros((2, 2)), None)
 
 
 class TestStretch:
@@ -40,8 +41,9 @@ class TestStretch:
         rng = np.random.default_rng(3)
         jacobian = rng.normal(size=(2, 80, 8)) * [20, 20, 20, 1, 1, 1, 10, 10]
         moving = jacobian.transpose(0, 2, 1) @ jacobian
-        poses = {"turn": BEGIN.turn, "shift": BEGIN.shift, "width": BEGIN.width, "stretch": np.zeros((2, 2))}
-        ends = {"next_turn": BEGIN.turn, "next_shift": BEGIN.shift, "next_stretch": np.zeros((2, 2))}
+        turn = BEGIN.R.as_matrix()
+        poses = {"turn": turn, "shift": BEGIN.shift, "width": BEGIN.width, "stretch": np.zeros((2, 2))}
+        ends = {"next_turn": turn, "next_shift": BEGIN.shift, "next_stretch": np.zeros((2, 2))}
         sums = {"moving": moving, "whole": 1.5 * moving, "shared": 0.5 * moving, "doubts": np.zeros((2, 6))}
         gradient = 0.2 * (rng.normal(size=(2, 1, 80)) @ jacobian)[:, 0]
         record = Record(**poses, **sums, **ends, gradient=gradient, total=np.full(2, 80.0), squares=np.full(2, 0.3))
