@@ -46,8 +46,9 @@ class Grid:
 
         Coordinates are clipped to a million voxels, far outside any grid.
         """
-        voxels = (points.astype(np.float64) - center) / self.voxel
-        return np.clip(voxels, -_FARTHEST, _FARTHEST).astype(np.float32)
+        voxels = np.subtract(points, center, dtype=np.float64)
+        voxels /= self.voxel
+        return np.clip(voxels, -_FARTHEST, _FARTHEST, out=voxels).astype(np.float32)
 
 
 def coarse_edge(edge: int) -> int:

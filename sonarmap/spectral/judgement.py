@@ -208,9 +208,9 @@ def conclude(
     covariance = _covariance(pair, hypotheses[0], seen)
     kept, probabilities, given = judge(hypotheses, T, covariance.posterior, seen, pair.grid, search)
     probabilities = _with_odds(probabilities, [pair.bounds.odds_of_place(T[n], voxel) for n in kept])
-    best = _registration(pair, hypotheses[0], covariance, probabilities[0], least, voxel)
+    best = _registration(pair, hypotheses[0], T[0], covariance, probabilities[0], least, voxel)
     others = [
-        _registration(pair, hypotheses[n], _covariance(pair, hypotheses[n]), probability, least, voxel)
+        _registration(pair, hypotheses[n], T[n], _covariance(pair, hypotheses[n]), probability, least, voxel)
         for n, probability in zip(kept[1:], probabilities[1:], strict=True)
         if probability >= _POSSIBLE
     ]
@@ -237,12 +237,18 @@ def judge(
 
 
 def _registration(
-    pair: PairFrames, hypothesis: Hypothesis, covariance: PoseCovariance, probability: float, least: float, voxel: float
+    pair: PairFrames,
+    hypothesis: Hypothesis,
+    T: RigidTransform,
+    covariance: PoseCovariance,
+    probability: float,
+    least: float,
+    voxel: float,
 ) -> Registration:
-    """One hypothesis, with its probability, as a registration between the sensor frames."""
-    fit, evidence = hypothesis.fit, hypothesis.evidence
-    T, measured = pair.transform(fit), fit.prior is not None
-    refusal = pair.bounds.refusal(T)
+    """One hypothesis, with its pose T and its probability, as a registration between the sensor frames."""
+    fit, evidence, measured = hypothesis.fit, hypothesis.evidence, hypothesis.fit.prior is not None
+    refusal = pair.bounds.refusal(fit.R, T.translation)
+    contradiction = pair.bounds.contradiction(pair.transform(fit.by_scans)) if measured else ""
     fixed = fixed_probability(covariance.posterior, voxel, covariance.by_instruments)
     is_fixed = fixed >= FITTED["acceptance"]["fixed"]
     stretch = () if fit.stretch is None else (("stretch", float(fit.stretch[0] - fit.stretch[1])),)
@@ -254,7 +260,7 @@ def _registration(
         overlap=evidence.overlap,
         accepted=probability >= least and is_fixed and not refusal,
         seconds=0.0,
-        reason=refusal or pair.bounds.contradiction(pair.transform(fit.by_scans)) + words,
+        reason=refusal or contradiction + words,
         probability=0.0 if refusal else probability,
         step_psr=(
             ("rotation", hypothesis.rotation_score),

@@ -23,10 +23,11 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
     The octahedron |x| + |y| + |z| = 1 is unfolded to a square (Engelhardt and Dachsbacher, "Octahedron environment
     maps", VMV 2008): it has no poles, and its cells' sizes differ by up to a factor of 5.2. A zero vector counts as +z.
     """
-    columns = np.ascontiguousarray(directions.T)  # column by column, which is faster than row by row
-    x, y, z = columns / np.maximum(np.abs(columns).sum(axis=0), 1e-20)
-    folded_u, folded_v = (1 - np.abs(y)) * np.where(x < 0, -1, 1), (1 - np.abs(x)) * np.where(y < 0, -1, 1)
-    u, v = np.where(z < 0, folded_u, x), np.where(z < 0, folded_v, y)
+    x, y, z = np.ascontiguousarray(directions.T)  # column by column, which is faster than row by row
+    length = np.maximum(np.abs(x) + np.abs(y) + np.abs(z), 1e-20)
+    u, v, below = x / length, y / length, np.flatnonzero(z < 0)
+    folded_u, folded_v = 1 - np.abs(v[below]), 1 - np.abs(u[below])
+    u[below], v[below] = np.where(u[below] < 0, -folded_u, folded_u), np.where(v[below] < 0, -folded_v, folded_v)
     i, j = (np.clip(((side + 1) * (0.5 * edge)).astype(np.int64), 0, edge - 1) for side in (u, v))
     return i * edge + j
 

@@ -126,6 +126,9 @@ class GridRegistrar:
 def _one_per_voxel(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Mean (m, 3) of the points of each occupied voxel, in the order of the voxels."""
     keys = ((cells[:, 0] << 42) + (cells[:, 1] << 21)) + cells[:, 2]  # cells are within a million of 0
-    _, first, count = np.unique(keys, return_inverse=True, return_counts=True)
-    sums = [np.bincount(first, weights=points[:, axis], minlength=len(count)) for axis in range(3)]
-    return np.column_stack(sums) / count[:, None]
+    order = np.argsort(keys, kind="stable")  # points come in rows, whose runs a merge sort uses
+    ordered = keys[order]
+    voxel = np.empty(len(keys), np.int64)
+    voxel[order] = np.cumsum(np.append(False, ordered[1:] != ordered[:-1]))
+    sums = [np.bincount(voxel, points[:, axis]) for axis in range(3)]
+    return np.column_stack(sums) / np.bincount(voxel)[:, None]

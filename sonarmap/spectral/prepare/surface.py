@@ -63,6 +63,14 @@ class Surface:
         """(m, 3) float32 unit normals, of either sign."""
         return self.rows[:, 4:7]
 
+    @cached_property
+    def usual_normal(self) -> tuple[np.ndarray, float]:
+        """Direction of the largest mean square of the normals, toward the sensor if known, and this mean square."""
+        normals = self.normals.astype(np.float64)
+        squares, axes = np.linalg.eigh(normals.T @ normals / len(normals))
+        away = self.rays.sum(axis=0) @ axes[:, 2] > 0
+        return (-axes[:, 2] if away else axes[:, 2]), float(squares[2])
+
     @property
     def rays(self) -> np.ndarray:
         """(m, 3) float32, vectors from the sensor to each point [voxels]; 0 if the viewpoint is unknown."""

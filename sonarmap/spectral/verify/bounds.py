@@ -110,8 +110,8 @@ class Bounds:
             return np.ones(len(shifts), dtype=bool)
         return self.prior.allows_shift(shifts, R_target_source, _SHIFT_SLACK * self.voxel)
 
-    def refusal(self, T_target_source: RigidTransform) -> str:
-        R, t = T_target_source.rotation, T_target_source.translation
+    def refusal(self, R: Rotation, t: np.ndarray) -> str:
+        """Reason to refuse a pose R_target_source, t [m], in words; "" if it is allowed."""
         if refusal := tilt_refusal(R, self.max_tilt):
             return refusal
         if not (self.allow_rotations(R) and self.allow_shifts(R, t[None])[0]):
@@ -141,7 +141,9 @@ class PairFrames:
     bounds: Bounds
 
     def transform(self, fit: Fit) -> RigidTransform:
-        return RigidTransform.from_components(self._sensor_shift(fit.R, fit.shift), fit.R)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = fit.R.as_matrix(), self._sensor_shift(fit.R, fit.shift)
+        return RigidTransform(T, normalize=False)
 
     def moved(self, R: Rotation, shifts: np.ndarray) -> np.ndarray:
         """(n,) distances between the sensors and displacements of typical points by the turn, added in squares

@@ -233,9 +233,8 @@ class HypothesisTest(PairFrames):
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
-        moved = self.moved(*_poses(fits)).tolist()
-        rows = zip(fits, origins, seen.evidence(fits), moved, strict=True)
-        return [Hypothesis(fit, *origin, replace(shown, moved=away)) for fit, origin, shown, away in rows]
+        rows = zip(fits, origins, seen.evidence(fits, self.moved(*_poses(fits))), strict=True)
+        return [Hypothesis(fit, *origin, shown) for fit, origin, shown in rows]
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement of all poses."""

@@ -39,7 +39,7 @@ class AlikePlaces:
 
 def is_level(surface: Surface) -> bool:
     """Whether a surface is a level bed, which constrains the turn about its normal and shifts along it weakly."""
-    return _usual_normal(surface)[1] >= _LEVEL
+    return surface.usual_normal[1] >= _LEVEL
 
 
 def alike_places(
@@ -68,14 +68,6 @@ def alike_places(
     return AlikePlaces(R, ours.middle + along - R.apply(theirs.middle), rows[:, 4])
 
 
-def _usual_normal(surface: Surface) -> tuple[np.ndarray, float]:
-    """Direction of the largest mean square of the normals, toward the sensor if known, and this mean square."""
-    normals = surface.normals.astype(np.float64)
-    squares, axes = np.linalg.eigh(normals.T @ normals / len(normals))
-    away = surface.rays.sum(axis=0) @ axes[:, 2] > 0
-    return (-axes[:, 2] if away else axes[:, 2]), float(squares[2])
-
-
 def _distinct(rows: np.ndarray, count: int) -> np.ndarray:
     """Rows (turn, shift, ...), best first, without those near a better one; at most `count`."""
     chosen: list[int] = []
@@ -97,7 +89,7 @@ class _Bed:
 
     @classmethod
     def of(cls, surface: Surface) -> "_Bed":
-        up, points = _usual_normal(surface)[0], surface.points.astype(np.float64)
+        up, points = surface.usual_normal[0], surface.points.astype(np.float64)
         off = points @ up - np.median(points @ up)
         bed = points[np.abs(off) <= max(_OUTLYING * float(np.median(np.abs(off))), _NEAR)]
         middle = bed.mean(axis=0)

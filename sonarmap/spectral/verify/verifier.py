@@ -152,8 +152,8 @@ class Observation:
     surfaces: list[SharedSurface]
     views: list[Visibility]
 
-    def evidence(self, fits: Sequence[Fit]) -> list[Evidence]:
-        """Evidence of the poses, whose refinements are `fits`."""
+    def evidence(self, fits: Sequence[Fit], moved: np.ndarray) -> list[Evidence]:
+        """Evidence of the poses, whose refinements are `fits`; `moved` (k,) as in `Evidence`."""
         fine, coarse = (consistency(view.agree, view.contradict).tolist() for view in self.views)
         firm = firmness(np.stack([fit.information for fit in fits]), np.array([fit.pairs for fit in fits])).tolist()
         return [
@@ -165,6 +165,7 @@ class Observation:
                 residual=fit.residual,
                 width=fit.width,
                 firmness=firm[n],
+                moved=float(moved[n]),
                 measured=0.0 if fit.prior is None else float(fit.prior.squared()),
             )
             for n, (fit, surface) in enumerate(zip(fits, self.surfaces, strict=True))

@@ -59,7 +59,9 @@ def observed(
     R = np.stack([fit.R.as_matrix() for fit in fits])
     poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
     seen = verifier.observe(*pair, poses, *most).read()
-    return [replace(each, evidence=e) for each, e in zip(hypotheses, seen.evidence(fits), strict=True)]
+    return [
+        replace(each, evidence=e) for each, e in zip(hypotheses, seen.evidence(fits, np.zeros(len(fits))), strict=True)
+    ]
 
 
 def looked_at(

@@ -188,7 +188,10 @@ class Recorder(SpectralRegistrar):
         best = hypotheses[0].fit
         xi = np.full(6, nan) if truth is None else (T[0].inv() * truth).as_exp_coords()
         centers = [scan.volume.center for scan in (test.target, test.source)]
-        rows[0] |= {"refused": bool(test.bounds.refusal(T[0])), "search": test.bounds.search(self.grid.extent)}
+        rows[0] |= {
+            "refused": bool(test.bounds.refusal(T[0].rotation, T[0].translation)),
+            "search": test.bounds.search(self.grid.extent),
+        }
         rows[0]["numbers"] = _text(xi=xi, centers=centers, fit=_contents(best), seen=_contents(seen))
         return rows
 
