@@ -16,19 +16,23 @@ from sonarmap.slam.pair import DEFECT
 from sonarmap.spectral.memory import scans_that_fit
 from sonarmap.spectral.result import Registrar
 
-# Number of prepared scans to keep: pairs are registered in the order of their scans, so more would save little time.
-_MAX_PREPARED = 16
-_MEMORY_DIVISOR = 8  # the device's memory, over the part that prepared scans may take
+_WITHOUT_DEVICE = 16  # prepared scans to keep of a method whose memory is unknown
+_MAX_PREPARED = 256  # larger surveys gain little by more
+_MEMORY_DIVISOR = 3  # the device's memory, over the part that prepared scans may take
+# The scans used last are kept for the next pairs. Of the others, the one used last is dropped first: each round of a
+# survey goes through all scans in order, so that those used longest ago are needed soonest.
+_RECENT = 4
 
 
 def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
-    """Number of prepared scans to keep: as many as are useful and fit a part of the memory that `workers` share.
+    """Number of prepared scans to keep between pairs and rounds: as many as fit a part of the memory that `workers`
+    share, up to a limit.
 
     The memory of a scan follows from the registrar's `device` and `grid`, if it has them.
     """
     device, grid = getattr(registrar, "device", None), getattr(registrar, "grid", None)
     if device is None or grid is None:
-        return _MAX_PREPARED
+        return _WITHOUT_DEVICE
     return max(2, min(_MAX_PREPARED, scans_that_fit(device, grid.edge) // (_MEMORY_DIVISOR * workers)))
 
 
@@ -51,9 +55,9 @@ class PairWorker(Protocol):
 
 
 class Worker:
-    """A registrar with the scans that it prepared last.
+    """A registrar with scans that it has prepared.
 
-    Prepared scans hold device memory: the last `prepared` used are kept, and one more while the next is prepared.
+    Prepared scans hold device memory: `prepared` of them are kept, and one more while the next is prepared.
     BLAS runs in one thread: its rounding depends on the number of threads, and several are slower on arrays as small as
     a pair's.
 
@@ -91,7 +95,7 @@ class Worker:
             prepared = self._registrar.prepare(scan.scan)
         self._prepared[scan.key] = prepared
         if len(self._prepared) > self._most:
-            del self._prepared[next(iter(self._prepared))]
+            del self._prepared[list(self._prepared)[max(0, self._most - _RECENT)]]
         return prepared
 
     def _register(self, pair: PairJob) -> str:

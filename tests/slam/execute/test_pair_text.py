@@ -1,6 +1,7 @@
 """Results of pairs as text, bit by bit; the result that a worker passes on, and its number of prepared scans."""
 
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -118,6 +119,19 @@ def test_memory_and_workers_limit_the_prepared_scans() -> None:
         return prepared_limit(registrar, workers)
 
     assert limit(2**40) >= limit(2**33) > limit(2**34, 16) > limit(2**26) >= 2
-    assert limit(2**33) * memory_plan(128).scan <= 2**33 / 8
+    assert limit(2**33) * memory_plan(128).scan <= 2**33 / 3
     without_a_device: Any = SimpleNamespace()
     assert prepared_limit(without_a_device) >= 2
+
+
+def test_scans_are_prepared_again_in_each_round_only_as_far_as_they_do_not_fit() -> None:
+    count, kept, rounds = 40, 30, 4
+    poses = ring_poses(count)
+    registrar = KnowingRegistrar(poses, random_covariance(np.random.default_rng(2)))
+    scans = [KeyedScan.of(scan) for scan in scans_of(poses)]
+    worker = Worker(registrar, kept)
+    for _ in range(rounds):
+        worker.run([PairJob(*pair) for pair in pairwise(scans)])
+    assert registrar.most_alive == kept + 1
+    # a scan that is used twice at a time, as here, has to be prepared once a round at most
+    assert registrar.prepared.total() <= count + (rounds - 1) * (count - kept + 4)
