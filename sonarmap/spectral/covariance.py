@@ -49,7 +49,7 @@ class Slide:
         reach = (self.reach * grid.edge / coarse_edge(grid.edge)) ** 2
         if prior is None:
             return slid * reach
-        measured = np.linalg.inv(prior.information() + _unknown(grid))[3:, 3:]
+        measured = np.linalg.inv(prior.normal_equations()[0] + _unknown(grid))[3:, 3:]
         variance = np.einsum("ia,ij,ja->a", seen.axes, measured, seen.axes)
         off = seen.axes.T @ (np.linalg.pinv(prior.jacobian) @ prior.residual)[3:]
         nearer = off**2 / 2 * (1 / variance - 1 / (variance + reach))
@@ -102,7 +102,7 @@ def fit_covariance(
     posterior, by_instruments, step = by_scans, None, fit.step
     if fit.prior is not None:
         by_scans = by_scans + fit.prior.distortion(by_scans, fit.step)
-        information, measured = np.linalg.inv(by_scans), fit.prior.information()
+        information, measured = np.linalg.inv(by_scans), fit.prior.normal_equations()[0]
         posterior = np.linalg.inv(information + measured)
         step = np.linalg.solve(information + _TELLING * measured, information @ fit.step)
         by_instruments = np.linalg.inv(measured + unknown)

@@ -175,14 +175,24 @@ def _refined(index: np.ndarray, around: np.ndarray) -> np.ndarray:
     return index + np.where(np.isfinite(offset), np.clip(offset, -1, 1), 0.0)
 
 
-def distinct(R: Rotation, order: np.ndarray, count: int, apart: float = _SEPARATION) -> np.ndarray:
-    """Indices of the first `count` rotations, in the given order, farther than `apart` [rad] from earlier ones."""
-    quaternions = R.as_quat()
-    nearest = np.cos(apart / 2)
-    kept: list[int] = []
-    for n in order:
-        if not kept or np.abs(quaternions[kept] @ quaternions[n]).max() < nearest:
-            kept.append(int(n))
-        if len(kept) == count:
-            break
-    return np.array(kept, dtype=np.int64)
+def distinct(
+    R: Rotation,
+    order: np.ndarray,
+    count: int,
+    apart: float = _SEPARATION,
+    shifts: np.ndarray | None = None,
+    near: float = 0.0,
+) -> np.ndarray:
+    """Indices of the first `count` rotations, in the given order, farther than `apart` [rad] from earlier ones; or, if
+    there are shifts (n, 3), with a shift farther than `near` from theirs."""
+    quaternions, nearest = R.as_quat()[order], np.cos(apart / 2)
+    free, kept = np.ones(len(order), bool), list[int]()
+    while len(kept) < count and free.any():
+        n = int(free.argmax())
+        same = np.abs(quaternions @ quaternions[n]) >= nearest
+        if shifts is not None:
+            same &= np.linalg.norm(shifts[order] - shifts[order[n]], axis=1) <= near
+        free &= ~same
+        free[n] = False
+        kept.append(n)
+    return order[kept]

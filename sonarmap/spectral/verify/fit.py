@@ -35,18 +35,11 @@ class PriorTerm:
         """The term about the pose after a small step (..., 6), rotation first [rad, voxels]."""
         return replace(self, residual=self.residual + _times(self.jacobian, step))
 
-    def information(self) -> np.ndarray:
-        """(..., 6, 6) information of the instruments about the turn and shift."""
-        return self._weighted() @ self.jacobian
-
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
-        """(..., 6, 6) information, and (..., 6) gradient of half of chi-squared."""
-        weighted = self._weighted()
+        """(..., 6, 6) information of the instruments about the turn and shift, and (..., 6) gradient of half of
+        chi-squared."""
+        weighted = _transposed(np.linalg.solve(self.covariance, self.jacobian))
         return weighted @ self.jacobian, _times(weighted, self.residual)
-
-    def _weighted(self) -> np.ndarray:
-        """(..., 6, m) transposed Jacobian times the inverse of the covariance."""
-        return _transposed(np.linalg.solve(self.covariance, self.jacobian))
 
     def squared(self) -> np.ndarray:
         """(...) chi-squared of the residual."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.fitted import FITTED
+from sonarmap.spectral.so3 import distinct
 from sonarmap.spectral.verify.fit import Fit
 
 
@@ -127,31 +128,24 @@ def _peak(psr: float) -> float:
     return log(max(psr, 3.0))
 
 
-def same_poses(some: Sequence[Fit], others: Sequence[Fit]) -> np.ndarray:
-    """(n, m) bool, which pairs of refined poses are the same within 3 degrees and 2 voxels."""
-    (turns, shifts), (other_turns, other_shifts) = map(_poses, (some, others))
-    near = np.linalg.norm(shifts[:, None] - other_shifts, axis=-1) <= SAME_REFINED_SHIFT
-    return near & (np.abs(turns @ other_turns.T) >= np.cos(_SAME_ROTATION / 2))
+def poses(fits: Sequence[Fit]) -> tuple[Rotation, np.ndarray]:
+    """(n,) rotations and (n, 3) shifts."""
+    return Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
 
 
 def elsewhere(some: Sequence[Hypothesis], others: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Those of `some` whose pose differs from the poses of all `others`."""
-    same = same_poses([each.fit for each in some], [each.fit for each in others])
+    """Those of `some` whose pose differs by 3 degrees or 2 voxels from the poses of all `others`."""
+    if not some:
+        return []
+    (R, shifts), (other_R, other_shifts) = (poses([each.fit for each in listed]) for listed in (some, others))
+    near = np.linalg.norm(shifts[:, None] - other_shifts, axis=-1) <= SAME_REFINED_SHIFT
+    same = near & (np.abs(R.as_quat() @ other_R.as_quat().T) >= np.cos(_SAME_ROTATION / 2))
     return [each for each, known in zip(some, same, strict=True) if not known.any()]
-
-
-def _poses(fits: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
-    """Quaternions (n, 4) and shifts (n, 3)."""
-    turns = np.array([fit.R.as_quat() for fit in fits]).reshape(-1, 4)
-    return turns, np.array([fit.shift for fit in fits]).reshape(-1, 3)
 
 
 def ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Hypotheses by `candidate_score`, best first, without the weaker ones at the same pose."""
-    ordered = sorted(hypotheses, key=lambda hypothesis: -hypothesis.candidate_score)
-    fits = [hypothesis.fit for hypothesis in ordered]
-    same, kept = same_poses(fits, fits), list[int]()
-    for k in range(len(ordered)):
-        if not same[k, kept].any():
-            kept.append(k)
-    return [ordered[k] for k in kept]
+    order = np.argsort([-hypothesis.candidate_score for hypothesis in hypotheses], kind="stable")
+    R, shifts = poses([hypothesis.fit for hypothesis in hypotheses])
+    kept = distinct(R, order, len(hypotheses), _SAME_ROTATION, shifts, SAME_REFINED_SHIFT)
+    return [hypotheses[k] for k in kept]

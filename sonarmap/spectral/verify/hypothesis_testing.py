@@ -12,7 +12,7 @@ from sonarmap.spectral.prepare.range_image import FINE
 from sonarmap.spectral.so3 import RotationPeaks, distinct
 from sonarmap.spectral.verify.bounds import PairFrames
 from sonarmap.spectral.verify.fit import Fit, principal_axes
-from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Hypothesis, elsewhere, ranked
+from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Hypothesis, elsewhere, poses, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.relief import alike_places, is_level
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
@@ -233,7 +233,7 @@ class HypothesisTest(PairFrames):
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
-        rows = zip(fits, origins, seen.evidence(fits, self.moved(*_poses(fits))), strict=True)
+        rows = zip(fits, origins, seen.evidence(fits, self.moved(*poses(fits))), strict=True)
         return [Hypothesis(fit, *origin, shown) for fit, origin, shown in rows]
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
@@ -243,13 +243,8 @@ class HypothesisTest(PairFrames):
         return refine(self.verifier.device, self.target.surface, self.source.surface, start, stages, prior_at)
 
 
-def _poses(fits: Sequence[Fit]) -> tuple[Rotation, np.ndarray]:
-    """(n,) rotations and (n, 3) shifts."""
-    return Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
-
-
 def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
-    return Start(*_poses(fits), np.array([fit.width for fit in fits]), stretches)
+    return Start(*poses(fits), np.array([fit.width for fit in fits]), stretches)
 
 
 def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:

@@ -6,14 +6,13 @@ McClure, which suppress surfaces that only one scan shows. It needs a start near
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.surface.refinement import LastStep, Record, Refinement, Stretching, Weighting
+from sonarmap.kernels.surface.refinement import Record, Refinement, Stretching, Weighting
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, posterior_step, shares_along
 
@@ -181,48 +180,36 @@ def refine(
     """
     stretch = np.zeros((len(begin.shifts), 2)) if begin.stretches else None
     state = State(begin.R, begin.shifts, begin.widths, stretch, None)
-    if prior_at is not None:
-        last, state = _with_prior(device, target, source, state, stages, prior_at)
-        fits = _fits(last.read(), state)
-        turns, shifts = Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
-        return Refined(upload_poses(device, turns.as_matrix(), shifts), lambda: fits)
-    steps = _refinement(device, target, source, stages[0].points, begin.stretches)
-    steps.begin(state.R.as_matrix(), state.shift, state.width, stretch)
-    for stage, following in pairwise(stages):
-        for reach in stage.reaches:
-            steps.step(reach, alone=True)
-        ended, steps = steps, _refinement(device, target, source, following.points, begin.stretches)
-        steps.begin_after(ended)
-    *reaches, closest = stages[-1].reaches
-    for reach in reaches:
-        steps.step(reach, alone=True)
-    steps.step(closest, alone=False)
-    last = steps.end()
-    return Refined(last.poses, lambda: _fits(last.read(), state))
-
-
-def _with_prior(
-    device: Device,
-    target: Surface,
-    source: Surface,
-    state: State,
-    stages: Sequence[Stage],
-    prior_at: Callable[[Rotation, np.ndarray, bool], PriorTerm],
-) -> tuple[LastStep, State]:
-    """The last step of a refinement with a prior, and the state before it."""
-    stretches, last = state.stretch is not None, stages[-1].reaches[-1]
-    for stage in (*stages[:-1], replace(stages[-1], reaches=stages[-1].reaches[:-1])):
-        steps = _refinement(device, target, source, stage.points, stretches)
-        state = replace(state, prior=prior_at(state.R, state.shift, stretches))
-        for reach in stage.reaches:
+    ended = steps = _refinement(device, target, source, stages[0].points, begin.stretches)
+    for stage in stages:
+        if stage is not stages[0]:
+            ended, steps = steps, _refinement(device, target, source, stage.points, begin.stretches)
+        if prior_at is not None:
+            state = replace(state, prior=prior_at(state.R, state.shift, begin.stretches))
+        if steps is ended or prior_at is not None:
             steps.begin(state.R.as_matrix(), state.shift, state.width, state.stretch)
-            steps.step(reach, alone=False)
-            record = steps.record()
-            state = replace(state, width=record.width)
-            state, _ = NormalEquations.of(record, state).moved(state)
+        else:
+            steps.begin_after(ended)
+        for reach in stage.reaches[:-1] if stage is stages[-1] else stage.reaches:
+            steps.step(reach, alone=prior_at is None)
+            if prior_at is not None:
+                state = _moved(steps, state)
+    steps.step(stages[-1].reaches[-1], alone=False)
+    last = steps.end()
+    if prior_at is None:
+        return Refined(last.poses, lambda: _fits(last.read(), state))
+    fits = _fits(last.read(), state)
+    R, shifts = Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
+    return Refined(upload_poses(device, R.as_matrix(), shifts), lambda: fits)
+
+
+def _moved(steps: Refinement, before: State) -> State:
+    """The state after a step with a prior, for which the device is read; the next step begins there."""
+    record = steps.record()
+    before = replace(before, width=record.width)
+    state, _ = NormalEquations.of(record, before).moved(before)
     steps.begin(state.R.as_matrix(), state.shift, state.width, state.stretch)
-    steps.step(last, alone=False)
-    return steps.end(), state
+    return state
 
 
 def _refinement(device: Device, target: Surface, source: Surface, most: int, stretches: bool) -> Refinement:

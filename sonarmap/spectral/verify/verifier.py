@@ -21,7 +21,7 @@ from sonarmap.spectral.grid import coarse_edge
 from sonarmap.spectral.prepare.range_image import COARSE, FINE, Visibility, visibility
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
 from sonarmap.spectral.prepare.surface import Surface
-from sonarmap.spectral.so3 import RotationPeaks
+from sonarmap.spectral.so3 import RotationPeaks, distinct
 from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from sonarmap.spectral.verify.fit import Fit, firmness
 from sonarmap.spectral.verify.hypothesis import Candidates, Evidence, Hypothesis
@@ -96,33 +96,33 @@ _LEAST = 0.05
 
 @dataclass(frozen=True, slots=True)
 class SharedSurface:
-    """Shares of two scans' surfaces, 0..1, mean of both ways, weighted to balance the directions of normals."""
+    """Shares of two scans' surfaces under k poses, (k,) each, 0..1, mean of both ways, weighted to balance the
+    directions of normals."""
 
-    agree: float  # share with a counterpart in the other scan that faces the same direction
-    covered: float  # share near any point of the other scan
+    agree: np.ndarray  # share with a counterpart in the other scan that faces the same direction
+    covered: np.ndarray  # share near any point of the other scan
     # share with a point of the other scan within 2 voxels, whatever it faces, not weighted; the smaller of both
     # directions
-    overlap: float
+    overlap: np.ndarray
 
     @property
-    def consistency(self) -> float:
+    def consistency(self) -> np.ndarray:
         """Share of agreeing among covered points, 0..1; small if few are covered."""
         return self.agree / (self.covered + _LEAST)
 
 
 def shared_surfaces(
     device: Device, target: Surface, source: Surface, poses: Array, most: int
-) -> Pending[list[SharedSurface]]:
+) -> Pending[SharedSurface]:
     """Queue the shared surfaces under each of k poses, p_target = R p_source + t about the grid centers [voxels], with
     at most `most` points of each scan."""
     ours, theirs = (WeightedElements(surface.elements, surface.direction_weights) for surface in (target, source))
     queued = shared_sums(device, ours, theirs, poses, most, _NEARNESS)
 
-    def read() -> list[SharedSurface]:
+    def read() -> SharedSurface:
         sums = queued.read()
         agree, covered = (sums[:, :, :2] / sums[:, :, 2:3]).mean(axis=1).T
-        overlap = sums[:, :, 3].min(axis=1)
-        return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
+        return SharedSurface(agree, covered, sums[:, :, 3].min(axis=1))
 
     return Pending(read)
 
@@ -149,26 +149,24 @@ def consistency(agree: np.ndarray, contradict: np.ndarray) -> np.ndarray:
 class Observation:
     """Observations of k poses: the shared surfaces, and the views with a tight and with a wide tolerance."""
 
-    surfaces: list[SharedSurface]
+    surfaces: SharedSurface
     views: list[Visibility]
 
     def evidence(self, fits: Sequence[Fit], moved: np.ndarray) -> list[Evidence]:
         """Evidence of the poses, whose refinements are `fits`; `moved` (k,) as in `Evidence`."""
-        fine, coarse = (consistency(view.agree, view.contradict).tolist() for view in self.views)
-        firm = firmness(np.stack([fit.information for fit in fits]), np.array([fit.pairs for fit in fits])).tolist()
+        firm = firmness(np.stack([fit.information for fit in fits]), np.array([fit.pairs for fit in fits]))
+        views = [consistency(view.agree, view.contradict) for view in self.views]
+        measured = np.column_stack([*views, self.surfaces.consistency, self.surfaces.overlap, firm, moved])
         return [
             Evidence(
-                view=fine[n],
-                coarse_view=coarse[n],
-                surface=surface.consistency,
-                overlap=surface.overlap,
+                *seen,
                 residual=fit.residual,
                 width=fit.width,
-                firmness=firm[n],
-                moved=float(moved[n]),
+                firmness=firm,
+                moved=away,
                 measured=0.0 if fit.prior is None else float(fit.prior.squared()),
             )
-            for n, (fit, surface) in enumerate(zip(fits, self.surfaces, strict=True))
+            for fit, (*seen, firm, away) in zip(fits, measured.tolist(), strict=True)
         ]
 
 
@@ -253,16 +251,7 @@ class Verifier:
         scores = self._scores(target, source, candidates, tolerance)
         order = np.argsort(-scores, kind="stable")
         order = order[scores[order] >= selection.share * scores[order[0]]]
-        quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
-        kept: list[int] = []
-        for n in order:
-            aligned = np.abs(quaternions[kept] @ quaternions[n]) > nearest
-            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= selection.apart
-            if not (aligned & near).any():
-                kept.append(int(n))
-            if len(kept) == selection.count:
-                break
-        return np.array(kept, dtype=np.int64)
+        return distinct(candidates.R, order, selection.count, _SAME_ROTATION, candidates.shifts, selection.apart)
 
     def observe(
         self, target: SpectralScan, source: SpectralScan, poses: Array, points: int = SURFACE_POINTS
@@ -300,11 +289,11 @@ class Verifier:
             R = candidates.R[highest]
             poses = upload_poses(self.device, R.as_matrix(), candidates.shifts[highest])
             shared = shared_surfaces(self.device, target.surface, source.surface, poses, _POINTS)
-            agreement[highest] = [each.consistency for each in shared.read()]
+            agreement[highest] = shared.read().consistency
         return agreement * np.maximum(candidates.psr, 0.0)
 
 
-def _observation(views: Pending[list[Visibility]], surfaces: Pending[list[SharedSurface]]) -> Observation:
+def _observation(views: Pending[list[Visibility]], surfaces: Pending[SharedSurface]) -> Observation:
     return Observation(surfaces.read(), views.read())  # the surfaces are queued last: reading them waits for all
 
 

@@ -33,13 +33,12 @@ def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
 def shared_surface(target: Surface, source: Surface, R: Rotation, shift: np.ndarray, most: int) -> SharedSurface:
     """The shared surface under one pose."""
     poses = upload_poses(chosen_device(), R.as_matrix()[None], shift[None])
-    (shared,) = shared_surfaces(chosen_device(), target, source, poses, most).read()
-    return shared
+    return shared_surfaces(chosen_device(), target, source, poses, most).read()
 
 
 def shares(target: np.ndarray, source: np.ndarray, R: Rotation = STILL, shift: np.ndarray = HERE) -> tuple[float, ...]:
     found = shared_surface(surface_of(target), surface_of(source), R, shift, ALL)
-    return found.agree, found.covered, found.overlap
+    return found.agree.item(), found.covered.item(), found.overlap.item()
 
 
 def test_a_scan_shares_its_whole_surface_with_itself_in_any_orientation() -> None:
