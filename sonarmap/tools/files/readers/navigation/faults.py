@@ -27,9 +27,7 @@ _MOST_HELD = 20  # rows in which a logger repeats a measurement
 _FINEST = 0.1  # quantile of the steps, of which two are the resolution
 MIN_ROWS = 12  # of a kind, for its usual steps to be known
 _CANDIDATES = 8  # most distant and most frequent values that may be impossible constants
-_LEAST_QUANTILE = 0.25  # of the steps between other values: half of these values may be wrong too
-_FARTHER = 25.0  # times that quantile is an impossible step
-_IMPOSSIBLE, _FARTHER_AT_ONCE = 10.0, 12.0  # times the speed that is never a jump, and times that quantile, is one too
+_FARTHER = 25.0  # times the usual distance of other values from their running median is an impossible step
 _ALONE = 8.0  # times the 75 % quantile of the speed to the nearer neighbor: alone
 _USUAL_QUANTILE = 0.95  # of the steps' speeds, is the usual speed
 _WINDOW = 21  # steps, of which the median is the usual speed there
@@ -138,63 +136,35 @@ class _Sampling:
 
 
 def _constants(times: np.ndarray, column: np.ndarray, slow: float, coarse: float, period: float) -> np.ndarray:
-    """(n,) bool: rows of `column` (n,) with a value that no instrument measured, as -9999: far from the rows before and
-    after, or farther from all others than they are from one another. It may be that of half of the rows."""
+    """(n,) bool: rows of `column` (n,) with a value that no instrument measured, as -9999: it repeats, and most of its
+    runs are far from the rows of other values before and behind them. It may be in half of the rows."""
     wrong, sampling = np.zeros(len(column), bool), _Sampling.of(times, column[:, None], coarse)
-    while (~wrong).sum() > MIN_ROWS:
-        rows = np.flatnonzero(~wrong)
-        first = rows[np.append(True, np.diff(column[rows]) != 0)]  # of each run of a value
-        last = rows[np.append(np.diff(column[rows]) != 0, True)]
-        runs, counts = column[first], np.diff(np.append(np.searchsorted(rows, first), len(rows)))
-        spans = sampling.spans(np.concatenate([[np.nan], times[first[1:]] - times[last[:-1]], [np.nan]]))
-        ways = np.diff(np.concatenate([[np.nan], runs, [np.nan]]))
-        ways = np.abs((ways + period / 2) % period - period / 2) - sampling.grain
-        if not (ways > slow * spans).any():
-            break
-        far = _impossible(runs, counts, ways, spans, slow, len(column) / 2 - wrong.sum())
-        if not far.any():
-            break
-        wrong[rows[np.repeat(far, counts)]] = True
-    return wrong
-
-
-def _impossible(
-    runs: np.ndarray, counts: np.ndarray, ways: np.ndarray, spans: np.ndarray, slow: float, most: float
-) -> np.ndarray:
-    """(r,) bool: the runs of the first impossible value; none if there is none.
-
-    Args:
-        runs, counts: (r,) values and numbers of rows.
-        ways, spans: (r + 1,) distances and times [s] between runs; NaN before the first and behind the last.
-        most: number of rows that the value may have.
-    """
-    values, of_value = np.unique(runs, return_inverse=True)
-    total = np.bincount(of_value, counts)
-    jumps = np.fmin((ways - slow * spans)[:-1], (ways - slow * spans)[1:])  # to the nearer neighbor
-    speeds = np.fmin((ways / spans)[:-1], (ways / spans)[1:])
-    is_inside = np.isfinite(ways[:-1] + ways[1:])
-    before = np.append(0, np.cumsum(counts))
-    distant = np.argsort(-np.abs(values - np.median(np.repeat(runs, counts))), kind="stable")
-    frequent = np.argsort(-total, kind="stable")[:_CANDIDATES]
-    for k in [distant[0], *distant[total[distant] > 1][:_CANDIDATES], *frequent[total[frequent] > 1]]:
-        own, others = np.flatnonzero(of_value == k), runs[of_value != k]
-        if len(others) == 0 or total[k] > most:
+    values, counts = np.unique(column, return_counts=True)
+    values, counts = values[counts > 1], counts[counts > 1]
+    frequent = values[np.argsort(-counts, kind="stable")]
+    distant = values[np.argsort(-np.abs(values - np.median(column)), kind="stable")]
+    for value in dict.fromkeys([*distant[:_CANDIDATES].tolist(), *frequent[:_CANDIDATES].tolist()]):
+        own, others = np.flatnonzero((column == value) & ~wrong), np.flatnonzero((column != value) & ~wrong)
+        if len(others) < max(len(column) / 2, MIN_ROWS):
             continue
-        steps = np.abs(np.diff(others))
-        usual = np.quantile(steps[steps > 0], _LEAST_QUANTILE) if (steps > 0).any() else 0.0
-        at_once = (speeds[own] > _IMPOSSIBLE * slow) & (jumps[own] > _FARTHER_AT_ONCE * usual)
-        far = (is_inside[own] & (jumps[own] > _FARTHER * usual)) | at_once
-        far &= (jumps[own] > 0) & (total[k] > 1) & (far.mean() > 0.5)
-        # rows of others before, between and behind these runs; without the most, if there are several
-        until = np.append(before[own], before[-1]) - np.append(0, np.cumsum(counts[own]))
-        between = np.diff(until, prepend=0)
-        beside = np.sort(between[np.append(far, False) | np.append(False, far)])
-        far &= counts[own][far].sum() < beside[: -1 if far.sum() > 2 else None].sum()
-        if np.abs(others - values[k]).min() > np.ptp(others):
-            far = jumps[own] > 0
-        if far.any():
-            return np.isin(np.arange(len(runs)), own[far])
-    return np.zeros(len(runs), bool)
+        # runs are divided by rows of other values; `behind` are the first of these after each run
+        behind, first, run = np.unique(np.searchsorted(others, own), return_index=True, return_inverse=True)
+        last = np.append(first[1:], len(own)) - 1
+        jumps = np.full((2, len(first)), np.nan)
+        for side, (place, end) in enumerate(((behind - 1, own[first]), (behind, own[last]))):
+            there = (place >= 0) & (place < len(others))
+            rows = others[place[there]]
+            ways = np.abs((column[rows] - value + period / 2) % period - period / 2) - sampling.grain
+            jumps[side, there] = ways - slow * sampling.spans(np.abs(times[rows] - times[end[there]]))
+        jump, rest = np.fmin(*jumps), column[others]  # to the nearer neighbor
+        spread = 0.0
+        if (jump > 0).any() and np.abs(rest - value).min() <= np.ptp(rest):
+            off = np.abs(rest - median_filter(rest, _WINDOW))
+            spread = np.median(off[off > 0]) if off.any() else 0.0
+        far = jump > _FARTHER * spread
+        if far.mean() > 0.5:
+            wrong[own[far[run]]] = True
+    return wrong
 
 
 def _leaps(
