@@ -64,10 +64,6 @@ def _scaled(by: float, *columns: int) -> _Change:
     return lambda values: values * np.where(np.isin(np.arange(6), columns), by, 1.0)
 
 
-def _signed(*columns: int) -> _Change:
-    return _scaled(-1.0, *columns)
-
-
 def _exchanged(first: int, second: int) -> _Change:
     order = [{first: second, second: first}.get(k, k) for k in range(6)]
     return lambda values: values[:, order]
@@ -91,14 +87,14 @@ _TURN = "give the turn by --mount 0,0,DEGREES, or --heading-reference, --magneti
 # {remedy: {mistake: change of the navigation that corrects it}}
 _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
     "give --nav-frame, or turn the sign in the file": {
-        "heading_deg with the opposite sign": _signed(2),
-        "roll_deg with the opposite sign": _signed(0),
-        "pitch_deg with the opposite sign": _signed(1),
-        "roll_deg and pitch_deg with their signs turned": _signed(0, 1),
-        "East with the opposite sign": _signed(3),
-        "North with the opposite sign": _signed(4),
-        "East and North with their signs turned": _signed(3, 4),
-        "depth_m with the opposite sign": _signed(5),
+        "heading_deg with the opposite sign": _scaled(-1, 2),
+        "roll_deg with the opposite sign": _scaled(-1, 0),
+        "pitch_deg with the opposite sign": _scaled(-1, 1),
+        "roll_deg and pitch_deg with their signs turned": _scaled(-1, 0, 1),
+        "East with the opposite sign": _scaled(-1, 3),
+        "North with the opposite sign": _scaled(-1, 4),
+        "East and North with their signs turned": _scaled(-1, 3, 4),
+        "depth_m with the opposite sign": _scaled(-1, 5),
     },
     "give --nav-frame enu and name the column yaw": {
         "heading_deg as a yaw, counterclockwise from East": added(90.0, 2, -1.0)
@@ -121,7 +117,7 @@ _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
     },
     "give --frame": {
         # T -> W T M, with M and W the reflections of y and East, gives the relative poses of mirrored scans
-        "scans mirrored, left for right": _signed(0, 2, 3),
+        "scans mirrored, left for right": _scaled(-1, 0, 2, 3),
         "scans upside down": added(180.0, 0),
     },
     "give --units": {

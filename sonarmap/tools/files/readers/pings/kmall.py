@@ -19,7 +19,7 @@ from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.pings.datagrams import Datagram, layout_of, take_all
 from sonarmap.tools.files.readers.pings.kmall_datagrams import Parts, datagrams_in, joined, strided
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, damage
-from sonarmap.tools.files.readers.pings.sensors import UNUSED, USED, Sensors
+from sonarmap.tools.files.readers.pings.sensors import UNUSED, USED, Sensors, lever_of
 from sonarmap.tools.files.user_file import read_content
 
 _PINGS, _POSITION, _MOTION, _INSTALLATION = "#MRZ", "#SPO", "#SKM", "#IIP"
@@ -99,7 +99,9 @@ def _take(datagram: Datagram, found: _Content) -> None:
         _take_motions(datagram, found.sensors)
     elif datagram.kind == _INSTALLATION:
         text = datagram.content.decode("ascii", "replace")
-        found.levers |= {int(number) - 1: _lever(values) for number, values in _ARRAY.findall(text)}
+        found.levers |= {
+            int(number) - 1: lever_of(dict(_AXIS.findall(values))) for number, values in _ARRAY.findall(text)
+        }
 
 
 def _take_ping(datagram: Datagram, found: _Content) -> None:
@@ -155,16 +157,6 @@ def _take_motions(datagram: Datagram, sensors: Sensors) -> None:
     rows = rows[rows["status"] & _WRONG_ATTITUDE == 0]
     values = np.column_stack([rows["seconds"] + rows["nanoseconds"] * 1e-9, rows["roll"], rows["pitch"]])
     sensors.add_motions(USED if head["status"] & _ACTIVE else UNUSED, _MOTION, int(head["system"]) + 1, values)
-
-
-def _lever(values: str) -> np.ndarray:
-    """(3,) position of an array [m] from the reference point: forward, port, up; 0 if unknown."""
-    try:
-        place = {axis: float(number) for axis, number in _AXIS.findall(values)}
-    except ValueError:
-        return np.zeros(3)
-    lever = np.array([place.get(axis, 0.0) for axis in "XYZ"]) * [1, -1, -1]
-    return lever if (np.abs(lever) < 1000).all() else np.zeros(3)
 
 
 def _line(name: str, found: _Content, damages: list[str]) -> RecordedLine:

@@ -23,7 +23,7 @@ from sonarmap.tools.files.readers.pings.datagrams import (
     take_all,
 )
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, damage
-from sonarmap.tools.files.readers.pings.sensors import UNUSED, USED, VELOCITIES, Sensors
+from sonarmap.tools.files.readers.pings.sensors import UNUSED, USED, VELOCITIES, Sensors, lever_of
 from sonarmap.tools.files.user_file import read_content
 
 _POSITION, _MOTION, _NETWORK, _INSTALLATION = "PAnI"  # types; the third has attitudes by network
@@ -53,28 +53,21 @@ class _Content:
     swaths: list[tuple[Datagram, Swath]] = field(default_factory=list)
     sensors: Sensors = field(default_factory=Sensors)
     installation: dict[str, str] = field(default_factory=dict)
-    skipped: int = 0  # bytes that are no datagram
-    faults: list[str] = field(default_factory=list)  # of damaged datagrams, in words
 
 
 def read_all(path: Path) -> RecordedLine:
     """The line of a .all file."""
     content = read_content(path)
     require_memory("the file, unpacked,", _GROWTH * len(content), "split it")
-    found = _content(content)
+    found = _Content()
+    datagrams = datagrams_in(content, "".join([_POSITION, _MOTION, _NETWORK, _INSTALLATION, *SWATHS]))
+    skipped, faults = take_all(datagrams, partial(_take, found=found))
     if not found.swaths:
         others = {name: any(isinstance(d, Datagram) for d in datagrams_in(content, k)) for name, k in _OTHERS.items()}
         held = " and ".join(name for name, is_there in others.items() if is_there)
         what = f"{held}, but no soundings" if held else "no soundings"
         raise InputError(f"it holds {what}; wanted datagrams X or D: give the line's .all, or export it as GSF")
-    return _line(path.stem, found)
-
-
-def _content(content: bytes) -> _Content:
-    found = _Content()
-    datagrams = datagrams_in(content, "".join([_POSITION, _MOTION, _NETWORK, _INSTALLATION, *SWATHS]))
-    found.skipped, found.faults = take_all(datagrams, partial(_take, found=found))
-    return found
+    return _line(path.stem, found, damage(skipped, len(faults), "datagram", *faults[:1] or [""]))
 
 
 def _take(datagram: Datagram, found: _Content) -> None:
@@ -127,7 +120,7 @@ def _installation(datagram: Datagram) -> dict[str, str]:
     return {key.strip(): value.strip() for key, separator, value in words if separator} | {"second": str(second)}
 
 
-def _line(name: str, found: _Content) -> RecordedLine:
+def _line(name: str, found: _Content, damages: list[str]) -> RecordedLine:
     swaths = [swath for _, swath in found.swaths]
     stamps, model = np.array([datagram.stamp for datagram, _ in found.swaths]), found.swaths[0][0].model
     fixes = np.array([swath.fix for swath in swaths])
@@ -147,7 +140,7 @@ def _line(name: str, found: _Content) -> RecordedLine:
         points=[swath.points - [0, 0, swath.depth] for swath in swaths],
         flagged=[swath.flagged for swath in swaths],
         sound_speeds=[swath.sound_speed for swath in swaths],
-        notes=notes + of_motions + damage(found.skipped, len(found.faults), "datagram", *found.faults[:1] or [""]),
+        notes=[*notes, *of_motions, *damages],
     )
 
 
@@ -157,17 +150,8 @@ def _sensors(attitudes: np.ndarray, found: _Content, system: int) -> np.ndarray:
     values = found.installation
     serials = np.array([datagram.serial for datagram, _ in found.swaths])
     second = (serials == int(values.get("second", "0"))) & (values.get("STC") == _TWO_HEADS)
-    reference = _place(values, f"P{system}")
-    levers = np.where(second[:, None], _place(values, "S2") - reference, _place(values, "S1") - reference)
+    reference = lever_of(values, f"P{system}")
+    levers = np.where(second[:, None], lever_of(values, "S2") - reference, lever_of(values, "S1") - reference)
     sensors = R_level_vehicle_of(attitudes).apply(levers)
     sensors[:, 2] = [-swath.depth for _, swath in found.swaths]
     return sensors
-
-
-def _place(values: dict[str, str], what: str) -> np.ndarray:
-    """(3,) position of `what` [m], forward, port and up of the vessel's reference point; 0 if unknown."""
-    try:
-        place = np.array([float(values.get(f"{what}{axis}", "0")) for axis in "XYZ"])
-    except ValueError:
-        return np.zeros(3)
-    return place * [1, -1, -1] if (np.abs(place) < 1000).all() else np.zeros(3)

@@ -1,6 +1,7 @@
 """Position and motion sensors of a Kongsberg file, at the times of its pings."""
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -85,6 +86,16 @@ class Sensors:
         """Sources and their rows, the best first: by rank and type, then by most rows."""
         joined = {source: np.concatenate(rows) for source, rows in sensors.items()}
         return sorted(joined.items(), key=lambda item: (*item[0][:2], -len(item[1])))
+
+
+def lever_of(values: Mapping[str, str], what: str = "") -> np.ndarray:
+    """(3,) position [m], forward, port, up of the vessel's reference point, from {`what` and axis: number}; 0 if
+    unknown."""
+    try:
+        place = np.array([float(values.get(f"{what}{axis}", "0")) for axis in "XYZ"])
+    except ValueError:
+        return np.zeros(3)
+    return place * [1, -1, -1] if (np.abs(place) < 1000).all() else np.zeros(3)
 
 
 def _steady(rows: np.ndarray) -> np.ndarray:

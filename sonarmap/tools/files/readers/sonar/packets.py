@@ -1,6 +1,5 @@
 """Packets of a recording in wlsonar's Range Image Protocol, read one by one; damaged ones are skipped."""
 
-import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -96,30 +95,28 @@ def _packets(window: _Window, damage: Damage, start: int) -> Iterator[Packet]:
 
 def _packet_at(window: _Window, start: int) -> bytes:
     """The packet that begins at `start`; empty if none does."""
-    length = _length(window.bytes_at(start, 8))
-    content = window.bytes_at(start, length) if length else b""
-    return content if content and len(content) == length and _checksum_fits(content) else b""
+    header = window.bytes_at(start, 8)
+    if header[:4] not in MAGICS or not LEAST_PACKET <= (size := _size_in(header)) <= LARGEST_PACKET:
+        return b""
+    content = window.bytes_at(start, size)
+    return content if len(content) == size and _checksum_fits(content) else b""
 
 
 def fault_of(datagram: bytes) -> str:
     """Why a datagram is not one whole packet, in words; "" if it is. `datagram`: begins with one of MAGICS."""
-    length = _length(datagram[:8])
-    if length != len(datagram):
-        return f"claims {int.from_bytes(datagram[4:8], 'little'):,} bytes and has {len(datagram):,}"
+    size = _size_in(datagram)
+    if size != len(datagram) or size < LEAST_PACKET:
+        return f"claims {size:,} bytes and has {len(datagram):,}"
     return "" if _checksum_fits(datagram) else "has a wrong checksum"
 
 
 def _checksum_fits(packet: bytes) -> bool:
-    (checksum,) = struct.unpack_from("<I", packet, len(packet) - 4)
-    return zlib.crc32(memoryview(packet)[:-4]) == checksum
+    return zlib.crc32(memoryview(packet)[:-4]) == int.from_bytes(packet[-4:], "little")
 
 
-def _length(header: bytes) -> int:
-    """Size of the packet with this header of magic and length; 0 if it is invalid."""
-    if len(header) < 8 or header[:4] not in MAGICS:
-        return 0
-    (length,) = struct.unpack_from("<I", header, 4)
-    return length if LEAST_PACKET <= length <= LARGEST_PACKET else 0
+def _size_in(header: bytes) -> int:
+    """The size that a packet claims, behind its magic."""
+    return int.from_bytes(header[4:8], "little")
 
 
 def _fault_at(window: _Window, start: int) -> tuple[str, bool]:
@@ -127,7 +124,7 @@ def _fault_at(window: _Window, start: int) -> tuple[str, bool]:
     header = window.bytes_at(start, 8)
     if len(header) < 8 or header[:4] not in MAGICS:
         return f"begins with {shown(header)}, wanted RIP2 and a length", len(header) < 8
-    (claimed,) = struct.unpack_from("<I", header, 4)
+    claimed = _size_in(header)
     rest = len(window.bytes_at(start, min(claimed, LARGEST_PACKET)))
     if claimed > rest or claimed < LEAST_PACKET:
         reason = f"claims {claimed:,} bytes, wanted at least {LEAST_PACKET} and no more than the {rest:,} that follow"
