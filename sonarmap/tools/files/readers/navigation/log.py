@@ -48,9 +48,8 @@ class NavigationLog:
     sigmas: np.ndarray  # (n, 6) float64 standard deviations in the same units; NaN where the file has none
     georeference: Georeference | None = None  # where the origin is on the Earth; None if unknown
     faults: tuple[RowFault, ...] = ()  # measurements that were left out when it was read
-    cells: Mapping[str, Sequence[str]] = field(
-        default_factory=dict
-    )  # {column of COLUMNS: what the file has in the rows}
+    # {column of COLUMNS: what the file has in the rows}
+    cells: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def text(self, row: int, column: int) -> str:
         """A value as the file has it."""

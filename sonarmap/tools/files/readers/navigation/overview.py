@@ -248,13 +248,9 @@ def _times(table: _Table, settings: NavigationSettings, scans: np.ndarray) -> np
             raise InputError(f"{table.where(row)}: its {columns.key} is empty; fix that line")
     if columns.key == "name":
         return np.full(len(keys), np.nan)
-    lines, dates, weeks = (
-        np.array([row.line for row in table.rows]),
-        table.cells.get("date"),
-        table.cells.get("gps_week"),
-    )
-    cells = TimeCells(table.path, lines, keys, columns.of["stamp"], dates, weeks)
-    return times_of(cells, settings.time_scale, scans, table.notes)
+    lines, cells = np.array([row.line for row in table.rows]), table.cells
+    stamps = TimeCells(table.path, lines, keys, columns.of["stamp"], cells.get("date"), cells.get("gps_week"))
+    return times_of(stamps, settings.time_scale, scans, table.notes)
 
 
 def _with_units(table: CsvTable) -> CsvTable:

@@ -37,13 +37,9 @@ class Navigated:
 
     def __repr__(self) -> str:
         priors = [scan.prior for scan in self.scans if scan.prior is not None]
-        known = {
-            "attitude": [prior.knows_attitude for prior in priors],
-            "heading": [prior.knows_heading for prior in priors],
-            "depth": [prior.knows_depth for prior in priors],
-            "position": [prior.knows_position for prior in priors],
-        }
-        counts = ", ".join(f"{name} of {sum(of_scans)}" for name, of_scans in known.items() if any(of_scans))
+        names = ("attitude", "heading", "depth", "position")
+        known = {name: sum(getattr(prior, f"knows_{name}") for prior in priors) for name in names}
+        counts = ", ".join(f"{name} of {count}" for name, count in known.items() if count)
         return f"<Navigated {counted(len(self.scans), 'scan')}: {counts or 'nothing measured'}>"
 
 

@@ -242,32 +242,28 @@ class _Reader:
         """Rows of base_link from those of a sensor beside it. If the attitude is not known, the lever arm is level, and
         its length is an error of the position."""
         lever = self._frames.T_base(frame).translation
-        R_world_base = self._attitude(times) if lever.any() else None
-        moved = lever * [0, 0, 1] if R_world_base is None else R_world_base.apply(lever)
-        if R_world_base is None and lever.any():
+        if not lever.any():
+            return times, values, deviations
+        if (attitude := self._attitude) is not None:
+            lever = attitude(np.clip(times, attitude.times[0], attitude.times[-1])).apply(lever)
+        else:
             flat = float(np.hypot(lever[0], lever[1]))
             deviations[:, 3:] = np.hypot(deviations[:, 3:], [flat, flat, _UNKNOWN_TILT * flat])
-        values[:, 3:] -= moved * [1.0, 1.0, -1.0]
+            lever = lever * [0, 0, 1]
+        values[:, 3:] -= lever * [1.0, 1.0, -1.0]
         return times, values, deviations
 
     @cached_property
-    def _oriented(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Times and values of the only IMU, if it has headings."""
+    def _attitude(self) -> Slerp | None:
+        """The vehicle's attitude by the only IMU, if that has headings."""
         topics = self._recording.of_kinds((IMU,))
         if len(topics) != 1:
             return None
         with suppress(InputError):  # it has no orientation
             times, values, _ = self._of_imu(series_of(self._recording, topics[0], []))
             if len(times) > 1 and not np.isnan(values[:, 2]).any():
-                return times, values
+                return Slerp(times, poses_of(np.nan_to_num(values)).rotation)
         return None
-
-    def _attitude(self, times: np.ndarray) -> Rotation | None:
-        """The vehicle's attitude; None if it is not known."""
-        if self._oriented is None:
-            return None
-        measured, values = self._oriented
-        return Slerp(measured, poses_of(np.nan_to_num(values)).rotation)(np.clip(times, measured[0], measured[-1]))
 
 
 def _sigmas(variances: np.ndarray) -> np.ndarray:

@@ -15,9 +15,8 @@ from sonarmap.tools.files.readers.navigation.settings import OF_NMEA, OF_TABLES,
 from sonarmap.tools.files.time_scales import GPS_EPOCH, TIMES, WEEK, gps_of_utc, utc_of_gps
 from sonarmap.tools.files.user_file import naming, read_content, reading
 
-_FIELDS = (
-    17  # time [s of the week], latitude, longitude [rad], height [m], 3 velocities, roll, pitch, heading, wander...
-)
+# Fields: time [s of the week], latitude, longitude [rad], height [m], 3 velocities, roll, pitch, heading, wander...
+_FIELDS = 17
 _USED = [0, 1, 2, 3, 7, 8, 9, 10]
 _MOST = np.array([2 * WEEK, np.pi / 2, np.pi, 1e5, np.pi, np.pi / 2, 4 * np.pi, 2 * np.pi])  # of those used
 _TEXT = 1e-6  # text, read as doubles, is mostly smaller
