@@ -49,7 +49,6 @@ def _recording(kind: str, start: bytes) -> Format:
 
 
 _BAG_FOLDER = _recording("a ROS 2 bag", b"")
-_LAS = Format("a LAS or LAZ file", rb"LASF", read_las)
 _TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
 
 _OF_POSES = (".tum", ".kitti", ".g2o")
@@ -59,8 +58,7 @@ FORMATS = {
     ".pcd": Format("a PCD file", rb"# ?\.PCD|(?:\s*#[^\n]*\n)*\s*VERSION\s+0?\.\d", read_pcd),
     ".npy": Format("a NumPy .npy array", rb"\x93NUMPY", read_npy),
     ".npz": Format("a zip archive, as NumPy's .npz is", rb"PK(\x03\x04|\x05\x06)", read_npz),
-    ".las": _LAS,
-    ".laz": _LAS,
+    **dict.fromkeys((".las", ".laz"), Format("a LAS or LAZ file", rb"LASF", read_las)),
     ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True, has_axes=True),
     ".bag": _recording("a ROS 1 bag", rb"#ROSBAG V"),
     ".mcap": _recording("an MCAP file", rb"\x89MCAP0\r\n"),

@@ -109,11 +109,8 @@ def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, flo
 def turn_rates_of(files: Sequence[Path], scans: Sequence[Scan]) -> TurnRates | None:
     """Turn rates of the IMUs of all recordings among `files`; None if no file has an IMU, or no scan has times for its
     points, so that none needs them."""
-    known = None if all(scan.times is None for scan in scans) else _turn_rates(files)
-    return known if known is not None and len(known.times) > 1 else None
-
-
-def _turn_rates(files: Sequence[Path]) -> TurnRates | None:
+    if all(scan.times is None for scan in scans):
+        return None
     measured: list[tuple[np.ndarray, np.ndarray]] = []
     for path in dict.fromkeys(path.parent if is_bag_folder(path.parent) else path for path in files):
         with suppress(InputError):  # without an IMU
@@ -127,4 +124,4 @@ def _turn_rates(files: Sequence[Path]) -> TurnRates | None:
         return None
     times, rates = (np.concatenate(columns) for columns in zip(*measured, strict=True))
     times, first = np.unique(times, return_index=True)
-    return TurnRates(times, rates[first])
+    return TurnRates(times, rates[first]) if len(times) > 1 else None

@@ -210,12 +210,11 @@ def read_table(
     raw = _with_units(read_csv_table(path))
     with naming(raw.where()):
         quantities = {column.quantity for k, cell in enumerate(raw.heading.cells) if (column := column_of(k, cell))}
-    if settings.frame is None and quantities.issuperset(QUATERNION):
-        settings = replace(settings, frame="enu")
-        notes.append(
-            f"{path}: axes are taken as East, North, up and forward, left, up, as in ROS; else give --nav-frame"
-        )
-    with naming(raw.where()):
+        if settings.frame is None and quantities.issuperset(QUATERNION):
+            settings = replace(settings, frame="enu")
+            notes.append(
+                f"{path}: axes are taken as East, North, up and forward, left, up, as in ROS; else give --nav-frame"
+            )
         columns = columns_of(raw.heading.cells, settings, sigmas)
     for row in () if columns.is_own else raw.rows:  # extra empty cells at the end of a log's row are ignored
         while len(row.cells) > len(raw.heading.cells) and not row.cells[-1]:

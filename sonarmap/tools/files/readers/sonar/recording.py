@@ -5,7 +5,7 @@ Lost, damaged and late packets are counted.
 
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -52,7 +52,7 @@ class ImuSamples:
     rates: np.ndarray  # (n, 3) float64 turn rates [rad/s] about the same axes
 
 
-def _joined(parts: Sequence[ImuSamples]) -> ImuSamples:
+def _joined(parts: Iterable[ImuSamples]) -> ImuSamples:
     return ImuSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in ImuSamples.__slots__))
 
 
@@ -74,29 +74,25 @@ class ImuWindow:
     """The latest samples of a recording that is being read, from which the attitude of a shot is computed."""
 
     def __init__(self) -> None:
-        self._batches: deque[tuple[float, float, ImuSamples]] = deque()  # with their first and last time
+        self._batches: deque[ImuSamples] = deque()
         self._held = 0
 
     def add(self, samples: ImuSamples) -> None:
         if not len(samples.times):
             return
-        self._batches.append((float(samples.times.min()), float(samples.times.max()), samples))
+        self._batches.append(samples)
         self._held += len(samples.times)
         while self._held > _HELD and len(self._batches) > 1:
-            self._held -= len(self._batches.popleft()[2].times)
+            self._held -= len(self._batches.popleft().times)
 
     def prior_at(self, stamp: float | None) -> PosePrior | None:
         """Roll and pitch at a stamp [s]; None if too few samples are near it, or the vehicle accelerates too much."""
-        if stamp is None:
+        if stamp is None or not self._batches:
             return None
-        low, high = stamp - _AROUND, stamp + _AROUND
-        near = [samples for first, last, samples in self._batches if first <= high and last >= low]
-        if not near:
-            return None
-        samples = _joined(near)
-        order = np.argsort(samples.times, kind="stable")
-        order = order[np.abs(samples.times[order] - stamp) <= _AROUND]
-        return attitude_at(stamp, ImuSamples(samples.times[order], samples.forces[order], samples.rates[order]))
+        samples = _joined(self._batches)
+        near = np.flatnonzero(np.abs(samples.times - stamp) <= _AROUND)
+        near = near[np.argsort(samples.times[near], kind="stable")]
+        return attitude_at(stamp, ImuSamples(samples.times[near], samples.forces[near], samples.rates[near]))
 
 
 def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
