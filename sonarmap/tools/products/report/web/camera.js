@@ -74,13 +74,18 @@ class Camera {
     return { right: [c, -s, 0], up: [s * se, c * se, ce], ahead: [s * ce, c * ce, -se] };
   }
 
+  /** a and b of a depth of WebGL's clip space, which is a + b / distance. */
+  planes() {
+    const beyond = this.extent + lengthOf(minus(this.target, this.center));
+    const far = this.distance + beyond, near = Math.max(this.distance - beyond, far * 5e-4);
+    return [(far + near) / (far - near), (-2 * far * near) / (far - near)];
+  }
+
   /** From places less the target [m] to WebGL's clip space, column by column. */
   matrix() {
     const { right, up, ahead } = this.axes();
     const fy = 1 / Math.tan(FIELD / 2), fx = (fy * this.height) / this.width;
-    const beyond = this.extent + lengthOf(minus(this.target, this.center));
-    const far = this.distance + beyond, near = Math.max(this.distance - beyond, far * 5e-4);
-    const a = (far + near) / (far - near), b = (-2 * far * near) / (far - near);
+    const [a, b] = this.planes();
     const columns = [0, 1, 2].map((k) => [fx * right[k], fy * up[k], a * ahead[k], ahead[k]]);
     return new Float32Array([...columns, [0, 0, a * this.distance + b, this.distance]].flat());
   }

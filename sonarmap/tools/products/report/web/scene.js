@@ -11,7 +11,8 @@ uniform float quantum;      // [m]
 uniform float edge;         // of a point at a distance of 1 m [pixels of the card]
 uniform vec2 sizes;         // smallest and largest edge [pixels of the card]
 uniform vec2 heights;       // of the points that are shown, less the target's [m]
-uniform vec2 range;         // heights at the ends of the palette, less the target's [m]
+uniform vec2 range;         // heights or distances at the ends of the palette; heights less the target's [m]
+uniform vec4 from;          // place that distances are measured from, less the target [m], and 1; 0 for colors by height
 uniform sampler2D palette;
 out vec3 color;
 void main() {
@@ -20,7 +21,8 @@ void main() {
   if (at.z < heights.x || at.z > heights.y) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
   gl_Position = clip_from_target * vec4(at, 1.0);
   gl_PointSize = clamp(edge / gl_Position.w, sizes.x, sizes.y);
-  float share = clamp((at.z - range.x) / max(range.y - range.x, 1e-6), 0.0, 1.0);
+  float value = from.w > 0.0 ? length(at - from.xyz) : at.z;
+  float share = clamp((value - range.x) / max(range.y - range.x, 1e-6), 0.0, 1.0);
   color = texelFetch(palette, ivec2(int(texel < 0.0 ? 254.0 * share + 0.5 : texel), 0), 0).rgb;
 }`;
 
@@ -29,6 +31,31 @@ precision mediump float;
 in vec3 color;
 out vec4 pixel;
 void main() { pixel = vec4(color, 1.0); }`;
+
+// Eye-dome lighting (Boucheny 2009): a pixel is darker where its neighbors are nearer, so shapes show without normals.
+const SHADE_VERTEX = `#version 300 es
+void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }`;
+
+const SHADE_FRAGMENT = `#version 300 es
+precision highp float;
+uniform highp sampler2D colors;
+uniform highp sampler2D depths;
+uniform vec2 planes;        // of the camera
+uniform float apart;        // from a pixel to its neighbors [pixels of the card]
+uniform float strength;
+out vec4 pixel;
+float depthAt(ivec2 at) { return texelFetch(depths, clamp(at, ivec2(0), textureSize(depths, 0) - 1), 0).r; }
+float far(float depth) { return log2(planes.y / (2.0 * depth - 1.0 - planes.x)); }
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  gl_FragDepth = depthAt(at);
+  float here = far(gl_FragDepth), shade = 0.0;
+  for (int k = 0; k < 8; k++) {
+    float turn = 0.785398 * float(k);
+    shade += clamp(here - far(depthAt(at + ivec2(round(apart * vec2(cos(turn), sin(turn)))))), 0.0, 0.1);
+  }
+  pixel = vec4(texelFetch(colors, at, 0).rgb * (gl_FragDepth < 1.0 ? exp(-strength * shade) : 1.0), 1.0);
+}`;
 
 // A piece of a line as a rectangle, of which each corner has both ends: WebGL's own lines are one pixel wide.
 const LINE_VERTEX = `#version 300 es
@@ -74,9 +101,10 @@ const BYTES = 6; // of a point: x, y and z, two each
 const [PLACE, TEXEL] = [0, 1]; // attributes of POINT_VERTEX
 const BY_HEIGHT = -1; // texel of a point that has the color of its height
 const GROWTH = 0.3; // of points of which fewer are drawn: by 0.5 they would cover as much
-const SQUARES = [1.5, 48]; // smallest and largest edge of a point [pixels]
+const SQUARES = [1.5, 24]; // smallest and largest edge of a point [pixels]
 const FAR = 1e9; // beyond any height [m]: not every card knows infinity
 const HIDDEN = 0.22; // how opaque a line is behind points
+const [APART, STRENGTH] = [1.5, 2.5]; // of neighbors in eye-dome lighting [pixels]; of its shades
 
 class Scene {
   /** Of a canvas on which WebGL2 works; throws an Error otherwise. */
@@ -88,7 +116,9 @@ class Scene {
     this.lines = new Map(); // {name: {count, offset, array, buffer, indices, and its style}}
     this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
     this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);
-    this.palette = gl.createTexture();
+    this.shadeProgram = this.program(SHADE_VERTEX, SHADE_FRAGMENT);
+    [this.palette, this.colors, this.depths] = [0, 1, 2].map(() => gl.createTexture());
+    this.frame = gl.createFramebuffer();
     gl.enable(gl.DEPTH_TEST);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   }
@@ -139,12 +169,16 @@ class Scene {
 
   /** The palette: up to 257 colors, [red, green, blue] each, 0 to 255. */
   usePalette(colors) {
+    const { gl } = this, texels = new Uint8Array(colors.flatMap((color) => [...color, 255]));
+    this.fill(this.palette, gl.RGBA8, colors.length, 1, gl.RGBA, gl.UNSIGNED_BYTE, texels);
+  }
+
+  /** Fill a texture with texels, or with nothing yet, that are taken as they are. */
+  fill(texture, inside, width, height, format, type, texels) {
     const { gl } = this;
-    const texels = new Uint8Array(colors.flatMap((color) => [...color, 255]));
-    gl.bindTexture(gl.TEXTURE_2D, this.palette);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, colors.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, type, texels);
+    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
   }
 
   /**
@@ -180,17 +214,53 @@ class Scene {
 
   /**
    * Draw a frame: {ground: [r, g, b] 0 to 1, clouds: those to draw, voxel: its edge [m], step: 1 for all points, 3 for every
-   * third, heights: the lowest and the highest that are shown [m], range: heights at the ends of the palette [m]}.
+   * third, heights: the lowest and the highest that are shown [m], range: heights at the ends of the palette [m], or distances
+   * from the place `from`}.
    */
   draw(camera, look) {
     const { gl } = this;
-    const ratio = gl.canvas.height / camera.height;
-    gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
+    const ratio = gl.canvas.height / camera.height, matrix = camera.matrix();
+    this.drawTo(this.frame);
     gl.clearColor(...look.ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const matrix = camera.matrix();
     this.drawClouds(camera, matrix, look, ratio);
+    this.drawTo(null);
+    this.shade(camera, ratio);
     for (const lines of this.lines.values()) if (lines.count) this.drawLines(lines, camera, matrix, ratio);
+  }
+
+  /** Draw into the textures of colors and depths, which are made for a picture of this size, or to the canvas. */
+  drawTo(frame) {
+    const { gl } = this, { width, height } = gl.canvas;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.viewport(0, 0, width, height);
+    if (!frame || (this.size?.[0] === width && this.size[1] === height)) return;
+    this.size = [width, height];
+    for (const [texture, inside, format, type, attachment] of [
+      [this.colors, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.COLOR_ATTACHMENT0],
+      [this.depths, gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT, gl.DEPTH_ATTACHMENT],
+    ]) {
+      this.fill(texture, inside, width, height, format, type, null);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, attachment, gl.TEXTURE_2D, texture, 0);
+    }
+  }
+
+  /** Bring what is in the textures to the canvas, its depths too, shaded. */
+  shade(camera, ratio) {
+    const { gl } = this, { program, uniforms } = this.shadeProgram;
+    gl.useProgram(program);
+    [this.colors, this.depths].forEach((texture, unit) => {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+    });
+    gl.activeTexture(gl.TEXTURE0);
+    gl.uniform1i(uniforms.depths, 1);
+    gl.uniform2fv(uniforms.planes, camera.planes());
+    gl.uniform1f(uniforms.apart, APART * ratio);
+    gl.uniform1f(uniforms.strength, STRENGTH);
+    gl.depthFunc(gl.ALWAYS);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.depthFunc(gl.LEQUAL);
   }
 
   drawClouds(camera, matrix, look, ratio) {
@@ -199,7 +269,8 @@ class Scene {
     gl.useProgram(program);
     gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
     gl.uniform2fv(uniforms.heights, lessTarget(look.heights));
-    gl.uniform2fv(uniforms.range, lessTarget(look.range));
+    gl.uniform2fv(uniforms.range, look.from ? look.range : lessTarget(look.range));
+    gl.uniform4f(uniforms.from, ...(look.from ? [...minus(look.from, camera.target), 1] : [0, 0, 0, 0]));
     gl.bindTexture(gl.TEXTURE_2D, this.palette);
     for (const cloud of look.clouds) this.drawCloud(cloud, camera, look, ratio);
     gl.bindVertexArray(null);
