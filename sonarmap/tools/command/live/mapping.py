@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from heapq import nsmallest
 from multiprocessing.connection import Connection
 from pathlib import Path
 from signal import SIG_IGN, SIGINT, signal
@@ -13,13 +14,14 @@ from threading import Condition, Thread
 from traceback import extract_tb
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.slam.execute.journal import Journal
 from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.slam.graph.tangent import worst_sigmas
-from sonarmap.slam.live.growing import GrowingMap
+from sonarmap.slam.live.growing import GrowingMap, Pose
 from sonarmap.slam.live.tracker import Placed
 from sonarmap.slam.map.cell import cell_means
 from sonarmap.slam.mapper import Mapper
@@ -33,6 +35,7 @@ from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, repl
 from sonarmap.tools.files.readers.scans import Corrections
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.products.live import messages
+from sonarmap.tools.products.live.clearance import clearance
 from sonarmap.tools.products.live.messages import State, coverage
 
 _FIRST = 10  # scans from which the voxel is chosen, or
@@ -43,10 +46,12 @@ _SHOWN = 4000  # points of a key scan on the page
 _LAST_SHOWN = 2500  # points of the last scan on the page
 _COUNTED = 1000  # points of a key scan for the coverage
 _MOST_SHOWN = 1_500_000  # points of all key scans on the page; beyond it, new ones have fewer
+_COMPANY, _CLOSE = 3, 0.05  # other points near one that is no stray, and how near: a share of its range
 _CELL = 4.0  # edge of a cell of the coverage [voxels]
 _COVERAGE_EVERY = 2.0  # [s]
 _NEW_KEYS = 4  # new key scans before the next decision, at least
 _NEW_SHARE = 0.1  # share of new key scans in all of them before the next decision, at least
+_BESIDE = 20  # key scans nearest to the vehicle in which the bed below it is looked for
 _SPEED_OVER = 2.0  # time over which the speed is measured [s]
 _TRACK = 64  # latest scans from which the speed is measured
 _IN_MEMORY = 1 << 27  # bytes of key scans in memory; the others are on disk
@@ -90,6 +95,11 @@ class _Mapping:
         self._state = State()  # counts of scans, placed scans and alerts
         self._stamp: float | None = None  # of the last scan
         self._track: deque[tuple[float, Placed]] = deque(maxlen=_TRACK)  # the latest placed scans, with their stamps
+        self._held: tuple[bool | None, float] = (
+            None,
+            0.0,
+        )  # whether lost, and since which stamp [s]
+        self._last_points = np.zeros((0, 3))  # of the last placed scan [m, sensor frame]
         self._last_sure: tuple[float, Placed] | None = None  # the last scan that was not lost, with its stamp
         self._beside = ThreadPoolExecutor(1, "deciding")
         self._deciding: Future[None] | None = None
@@ -187,6 +197,7 @@ class _Mapping:
         if placed is not None:
             self._state = replace(self._state, placed=self._state.placed + chosen)
             self._track.append((scan.stamp, placed))
+            self._last_points = scan.points
             points = placed.T_key_sensor.apply(_thinned(scan.points, _LAST_SHOWN))
             self._pipe.send(messages.last(placed.key, points))
 
@@ -248,7 +259,8 @@ class _Mapping:
             points = growing.tracker.keys[number].points
             self._counted.append(_thinned(points, _COUNTED))
             most = min(_SHOWN, _MOST_SHOWN // (number + 1))
-            self._pipe.send(messages.cloud(number, _thinned(cell_means(points, growing.voxel), most)))
+            cells = _without_strays(cell_means(points, growing.voxel))
+            self._pipe.send(messages.cloud(number, _thinned(cells, most)))
         if shown < len(growing.poses):
             self._show_poses(growing, shown)
         if time.monotonic() - self._covered >= _COVERAGE_EVERY and growing.poses:
@@ -262,7 +274,7 @@ class _Mapping:
         poses = growing.poses
         if first == 0:
             self._pipe.send(messages.loops(growing.loops))
-        for each in messages.poses(first, [pose.part for pose in poses], [pose.T_part_sensor for pose in poses]):
+        for each in messages.poses(first, poses):
             self._pipe.send(each)
 
     def _send_state(self, growing: GrowingMap | None, ended: bool = False) -> None:
@@ -288,8 +300,14 @@ class _Mapping:
         now = stamp if self._stamp is None else self._stamp
         if not (lost := growing.tracker.is_lost or alone):
             self._last_sure = now, placed
+        if lost != self._held[0]:
+            self._held = lost, now
         sure = None if self._last_sure is None else growing.pose(self._last_sure[1])
-        speed, turn_rate = self._speeds(growing)
+        prior = growing.tracker.keys[pose.part].prior
+        north, up = prior is not None and prior.knows_heading, growing.knows_up(pose.part)
+        forward = T.rotation.apply([1.0, 0.0, 0.0]) * [1.0, 1.0, 0.0 if up else 1.0]
+        ahead = T.rotation.apply(forward / max(float(np.linalg.norm(forward)), 1e-9), inverse=True)
+        turned = np.degrees(np.arctan2(*(forward[:2] if north else forward[1::-1] * [-1.0, 1.0])))
         return replace(
             state,
             status="lost" if lost else "uncertain" if sigma > _UNSURE * growing.voxel else "placed",
@@ -305,13 +323,25 @@ class _Mapping:
             pose=messages.seven(T),
             half_axes=T.rotation.apply((axes * np.sqrt(variances.clip(0))).T).tolist(),
             sure=None if sure is None else (sure.part, sure.T_part_sensor.translation.round(4).tolist()),
-            depth=-float(T.translation[2]) if growing.knows_up(pose.part) else None,
-            speed=speed,
-            turn_rate=turn_rate,
+            held=now - self._held[1],
+            depth=-float(T.translation[2]) if up else None,
+            speed=self._speed(growing),
+            heading=float(turned) % 360,
+            north=north,
+            altitude=self._altitude(growing, pose) if up else None,
+            ahead=clearance(self._last_points, ahead, growing.voxel),
         )
 
-    def _speeds(self, growing: GrowingMap) -> tuple[float | None, float | None]:
-        """Speed [m/s] and turn rate [deg/s], positive to the left, over the last seconds; None if unknown."""
+    def _altitude(self, growing: GrowingMap, pose: Pose) -> float | None:
+        """Height [m] over what key scans near the vehicle saw below it."""
+        place = pose.T_part_sensor.translation
+        own = [(each.T_part_sensor, k) for k, each in enumerate(growing.poses) if each.part == pose.part]
+        nearest = nsmallest(_BESIDE, own, lambda each: float(np.linalg.norm(each[0].translation - place)))
+        points = np.concatenate([T.apply(self._counted[k]) for T, k in nearest]) - place
+        return clearance(points, np.array([0.0, 0.0, -1.0]), growing.voxel)
+
+    def _speed(self, growing: GrowingMap) -> float | None:
+        """Speed [m/s] over the last seconds; None if unknown."""
         last, part = self._track[-1][0], growing.poses[self._track[-1][1].key].part
         within = [
             (stamp, growing.pose(placed).T_part_sensor)
@@ -319,11 +349,13 @@ class _Mapping:
             if last - stamp <= _SPEED_OVER and growing.poses[placed.key].part == part
         ]
         span = last - within[0][0]
-        if not span > 0:
-            return None, None
-        T = within[0][1].inv() * within[-1][1]
-        turn = T.rotation.as_rotvec()[2]
-        return float(np.linalg.norm(T.translation)) / span, float(np.degrees(turn)) / span
+        return float(np.linalg.norm(within[-1][1].translation - within[0][1].translation)) / span if span > 0 else None
+
+
+def _without_strays(points: np.ndarray) -> np.ndarray:
+    """Of points (N, 3) [m] in the sensor frame, those that have others close to them, as the sensor sees them."""
+    apart = KDTree(points).query(points, [1 + _COMPANY])[0][:, 0]
+    return points[apart < _CLOSE * np.linalg.norm(points, axis=1)]
 
 
 def _thinned(points: np.ndarray, most: int) -> np.ndarray:

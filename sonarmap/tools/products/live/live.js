@@ -2,24 +2,27 @@
 
 const MARK = 0.025; // half a mark's size, as a share of the plan's
 
-/** Show the plan of a part; vehicle {place, turn} and last sure place, where there are such. */
-function showCoverage(box, coverage, vehicle, sure) {
+/** Show the plan of a part, its track, and vehicle {place, turn} and last sure place, where there are such; the vehicle's heading up if `ahead`. */
+function showCoverage(box, coverage, track, vehicle, sure, ahead) {
   box.hidden = !coverage;
   if (!coverage) return;
   const { corner, size, legend, picture } = coverage, [width, height] = size, s = MARK * Math.max(width, height);
+  const [fx, fy] = vehicle ? turned(vehicle.turn, [1, 0, 0]) : [0, 1];
   const at = ([x, y]) => [x - corner[0], height - (y - corner[1])];
   const mark = (d) => make("path", { d, fill: "none", stroke: "currentColor", "stroke-width": s / 3 });
-  const marks = [];
+  const marks = track.map(([from, to]) => mark(`M${at(from)}L${at(to)}`));
   if (sure) {
     const [x, y] = at(sure);
     marks.push(mark(`M${x - s} ${y - s}l${2 * s} ${2 * s}m${-2 * s} 0l${2 * s} ${-2 * s}`));
   }
   if (vehicle) {
-    const [x, y] = at(vehicle.place), [fx, fy] = turned(vehicle.turn, [1, 0, 0]), [u, v] = [2 * s * fx, -2 * s * fy];
+    const [x, y] = at(vehicle.place), [u, v] = [2 * s * fx, -2 * s * fy];
     marks.push(mark(`M${x - u} ${y - v}L${x + u} ${y + v}L${x - 0.6 * v} ${y + 0.6 * u}M${x + u} ${y + v}L${x + 0.6 * v} ${y - 0.6 * u}`));
   }
-  const plan = box.querySelector("svg");
-  plan.setAttribute("viewBox", `0 0 ${width} ${height}`);
+  const plan = box.querySelector("svg"), across = ahead ? Math.hypot(width, height) : null;
+  const [left, top] = ahead ? [(width - across) / 2, (height - across) / 2] : [-2 * s, -2 * s];
+  plan.setAttribute("viewBox", `${left} ${top} ${width - 2 * left} ${height - 2 * top}`);
+  plan.querySelector("g").setAttribute("transform", `rotate(${ahead ? (-180 / Math.PI) * Math.atan2(fx, fy) : 0} ${width / 2} ${height / 2})`);
   if (plan.dataset.picture !== picture) {
     plan.dataset.picture = picture;
     plan.querySelector("image").setAttribute("href", picture);
@@ -29,7 +32,7 @@ function showCoverage(box, coverage, vehicle, sure) {
       return make("li", {}, patch, `${words}: ${short(area, "m²")}`);
     }), make("li", {}, "no color: never seen, and outside"));
   }
-  plan.querySelector("g").replaceChildren(...marks);
+  plan.querySelector("g g").replaceChildren(...marks);
 }
 
 // The page: what comes by the WebSocket, in words and in the views. Texts become text nodes, never markup.
@@ -38,7 +41,8 @@ const $ = (selector) => document.querySelector(selector);
 const AGAIN = [500, 5000]; // until the next try to reach the server, at first and at most [ms]
 const OLD = 10000; // news is [ms]: they come each second, and later while a hard pair is registered
 const dive = new Dive(), wire = { bytes: 0, messages: 0, open: false };
-let view = null, receivedAt = performance.now(), pause = AGAIN[0];
+const BEEP = [300, 1500]; // a tone, and from one to the next [ms]
+let view = null, audio = null, receivedAt = performance.now(), pause = AGAIN[0];
 
 /** Change a text only where it differs, so that it is read out once. */
 function say(selector, text) {
@@ -59,9 +63,13 @@ function showState() {
   $("#sure").hidden = !sure || !view;
   if ([...$("#concerns").children].map((item) => item.textContent).join() !== state.alerts.join())
     $("#concerns").replaceChildren(...state.alerts.map((text) => make("li", {}, text)));
-  const facts = [["below the start", state.depth, "m"], ["speed", state.speed, "m/s"], ["turn rate", state.turn_rate, "°/s"]];
-  $("#facts").replaceChildren(...facts.map(([name, value, unit]) =>
-    make("div", {}, make("dt", {}, name), make("dd", {}, value?.toFixed ? `${value.toFixed(1)}\u202f${unit}` : "–"))));
+  const facts = [
+    ["below the start", state.depth, "\u202fm"], [state.north ? "heading" : "heading from the start's", state.heading, "°", 0],
+    ["speed", state.speed, "\u202fm/s"], ["over the bed", state.altitude, "\u202fm"], ["to the wall ahead", state.ahead, "\u202fm"],
+  ].map(([name, value, unit, decimals = 1]) => [name, value?.toFixed ? `${value.toFixed(decimals)}${unit}` : "–"]);
+  const held = state.held?.toFixed ? `${Math.floor(state.held / 60)}:${String(Math.floor(state.held % 60)).padStart(2, "0")}` : "–";
+  $("#facts").replaceChildren(...[[lost ? "LOST for" : "placed for", held], ...facts].map(([name, text]) =>
+    make("div", {}, make("dt", {}, name), make("dd", {}, text))));
   showPlan();
 }
 
@@ -78,15 +86,33 @@ function showSure() {
 function showMap() {
   const { number } = view.part, keys = dive.cloudsIn(number), loops = dive.between(number, dive.loops).length;
   const points = keys.reduce((all, { count }) => all + count, 0), of = dive.state.parts > 1 ? ` of part ${number}` : "";
-  say("#said", `Shown: ${counted(points, "point")} of ${counted(keys.length, "key scan")}${of}, colored by height; the last scan in pink, the track in orange${loops ? `, ${counted(loops, "loop")} in blue` : ""}, and the vehicle as an arrow, in an ellipsoid that contains it with a probability of 95 %.`);
-  if (keys.length) showLegend($("#legend"), view.coloring);
+  say("#said", `Shown: ${counted(points, "point")} of ${counted(keys.length, "key scan")}${of}; the last scan in pink, the track in orange${loops ? `, ${counted(loops, "loop")} in blue` : ""}, and the vehicle as an arrow, in an ellipsoid that contains it with a probability of 95 %.`);
+  if (keys.length) showLegend($("#legend"), view.colorings[view.colored]);
+  $("#colored").value = view.colored;
   $("#follow").setAttribute("aria-pressed", view.follow);
   showPlan();
 }
 
 function showPlan() {
   const { state } = dive, { vehicle, sure } = view?.seen() ?? {};
-  showCoverage($("#coverage"), dive.coverage.get(view?.part.number ?? state.part), vehicle, state.status === "lost" && sure);
+  const part = view?.part.number ?? state.part, ahead = $("#ahead").getAttribute("aria-pressed") === "true";
+  showCoverage($("#coverage"), dive.coverage.get(part), dive.trackPieces(part), vehicle, state.status === "lost" && sure, ahead);
+}
+
+/** A button that is pressed or not, and what follows when it changes. */
+function toggle(selector, changed) {
+  $(selector).addEventListener("click", ({ target }) => changed(target.setAttribute("aria-pressed", target.getAttribute("aria-pressed") !== "true")));
+}
+
+/** A tone while the vehicle is lost. Browsers allow it once the user has clicked or typed, and complain before. */
+function sound() {
+  const wanted = dive.state.status === "lost" && $("#sound").getAttribute("aria-pressed") === "true";
+  if (!wanted || !navigator.userActivation?.hasBeenActive) return;
+  audio ??= new AudioContext();
+  const tone = new OscillatorNode(audio, { frequency: 880 });
+  tone.connect(audio.destination);
+  tone.start();
+  tone.stop(audio.currentTime + BEEP[0] / 1000);
 }
 
 function receive(message) {
@@ -137,12 +163,17 @@ try {
   view.canvas.addEventListener("webglcontextlost", () => withoutView("the graphics driver stopped; loading the page again may help"));
   view.canvas.addEventListener("keydown", ({ key }) => key.toLowerCase() === "f" && view.setFollow(true));
   $("#follow").addEventListener("click", () => view.setFollow(!view.follow));
+  $("#colored").append(...Object.keys(view.colorings).map((name) => make("option", {}, name)));
+  $("#colored").addEventListener("change", ({ target }) => view.colorBy(target.value));
   $("#above").addEventListener("click", () => (view.camera.fromAbove(), view.request()));
   $("#all").addEventListener("click", () => (view.showAll(), view.request(true)));
   $("#sure").addEventListener("click", showSure);
 } catch (error) {
   withoutView(`${error.message}; this browser, or this machine's graphics driver, does not offer it`);
 }
+toggle("#ahead", showPlan);
+toggle("#sound", sound);
+setInterval(sound, BEEP[1]);
 setInterval(showAge, 1000);
 connect();
 // For scripts that measure in the page.

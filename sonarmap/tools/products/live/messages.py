@@ -18,6 +18,8 @@ from scipy import ndimage
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.counted import counted
+from sonarmap.slam.graph.tangent import worst_sigmas
+from sonarmap.slam.live.growing import Pose
 
 Message = tuple[str, str | bytes]  # name and content
 CLOUD, LAST = 1, 2  # first byte of points: of a key scan, of the last scan
@@ -46,11 +48,14 @@ def seven(T: RigidTransform) -> list[float]:
     return [*T.translation.round(4).tolist(), *T.rotation.as_quat().round(7).tolist()]
 
 
-def poses(first: int, parts: Sequence[int], T_part_sensor: Sequence[RigidTransform]) -> Iterator[Message]:
+def poses(first: int, poses: Sequence[Pose]) -> Iterator[Message]:
     """Poses of the key scans from `first` on, in whole blocks of `BLOCK`."""
-    for begin in range(first - first % BLOCK, len(parts), BLOCK):
-        block = zip(parts[begin : begin + BLOCK], T_part_sensor[begin : begin + BLOCK], strict=True)
-        yield f"poses {begin}", _text(kind="poses", first=begin, poses=[[part, *seven(T)] for part, T in block])
+    for begin in range(first - first % BLOCK, len(poses), BLOCK):
+        rows = [
+            [pose.part, round(float(worst_sigmas(pose.covariance)[1]), 4), *seven(pose.T_part_sensor)]
+            for pose in poses[begin : begin + BLOCK]
+        ]
+        yield f"poses {begin}", _text(kind="poses", first=begin, poses=rows)
 
 
 def loops(pairs: Sequence[tuple[int, int]]) -> Message:
@@ -92,6 +97,7 @@ class State:
     missing: int = 0  # missing shots
     silent: float = 0.0  # time since the last scan came [s]
     lost_for: float | None = None  # [s]
+    held: float | None = None  # time since the vehicle was first placed, or lost, without a break [s]
     sigma: float = 0.0  # standard deviation of the vehicle's position [m]; 0 if unknown
     part: int = 0  # the vehicle's part of the map
     own: int = 0  # number of the dive's first key scan; earlier ones are of a finished map
@@ -101,7 +107,10 @@ class State:
     sure: tuple[int, list[float]] | None = None  # part and position at which the vehicle was last not lost [m]
     depth: float | None = None  # below the start [m]
     speed: float | None = None  # [m/s]
-    turn_rate: float | None = None  # positive to the left [deg/s]
+    heading: float | None = None  # clockwise from North, or from the first scan's direction [deg]
+    north: bool = False  # whether North is known
+    altitude: float | None = None  # over the bed [m]
+    ahead: float | None = None  # distance to the nearest wall ahead [m]
     alerts: tuple[str, ...] = ()
 
     @property

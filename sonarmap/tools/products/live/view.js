@@ -6,7 +6,7 @@ const STEPS = 20000; // samples of all clouds at most
 class Dive {
   constructor() {
     this.state = { status: "waiting", sentence: "Waiting for the first scan.", alerts: [], part: 0, own: 0 };
-    this.poses = []; // of key scans: {part, place [m], turn: quaternion x, y, z, w}
+    this.poses = []; // of key scans: {part, place [m], turn: quaternion x, y, z, w, sigma: of the place [m]}
     this.clouds = new Map(); // {key scan: {key, quantum [m], places: Int16Array of x, y, z [quanta], count}}
     this.loops = [];
     this.coverage = new Map(); // {part: {corner [m], size [m], legend, picture}}
@@ -21,7 +21,8 @@ class Dive {
     else if (content.kind === "state") this.state = content;
     else if (content.kind === "loops") this.loops = content.pairs;
     else if (content.kind === "coverage") this.coverage.set(content.part, content);
-    else content.poses.forEach(([part, x, y, z, ...turn], k) => (this.poses[content.first + k] = { part, place: [x, y, z], turn }));
+    else content.poses.forEach(([part, sigma, x, y, z, ...turn], k) =>
+      (this.poses[content.first + k] = { part, place: [x, y, z], turn, sigma }));
     return { kind: content.kind };
   }
 
@@ -49,13 +50,16 @@ class Dive {
     return [...this.clouds.values()].filter(({ key }) => this.isIn(part, key));
   }
 
+  /** Point k of a cloud, in the frame of its part [m]. */
+  pointOf({ key, quantum, places }, k) {
+    return this.placed(key, [0, 1, 2].map((axis) => quantum * places[3 * k + axis]));
+  }
+
   /** Points of this part, about evenly chosen, in its frame [m]. */
   samples(part) {
     const clouds = this.cloudsIn(part), each = Math.max(4, Math.min(SAMPLES, Math.floor(STEPS / (clouds.length || 1))));
-    return clouds.flatMap(({ key, quantum, places, count }) => Array.from({ length: Math.min(each, count) }, (_, k) => {
-      const at = 3 * Math.floor((k * count) / Math.min(each, count));
-      return this.placed(key, [0, 1, 2].map((axis) => quantum * places[at + axis]));
-    }));
+    return clouds.flatMap((cloud) => Array.from({ length: Math.min(each, cloud.count) }, (_, k) =>
+      this.pointOf(cloud, Math.floor((k * cloud.count) / Math.min(each, cloud.count)))));
   }
 
   /** Lines between these pairs of key scans, of those that are in this part. */
@@ -73,19 +77,29 @@ class Dive {
 
 const STATUS_COLORS = { placed: [0, 0.62, 0.45], uncertain: [0.9, 0.62, 0], lost: [0.9, 0.1, 0.1] };
 const UNKNOWN_COLOR = [0.55, 0.55, 0.55]; // of a vehicle that waits, or whose dive has ended
-const ARROW = 30; // half its length [pixels]
+const LENGTH = 0.46; // of a small vehicle [m]; far away it is drawn larger, with
+const LEAST = 34; // [pixels]
 const REFRESH = 300; // between two looks at all points and lines [ms]
-const ASIDE = 0.5; // of the vehicle's heading, so that the arrow hides less [rad]
+const HALFWAY = 350; // time in which the camera that follows comes half the way [ms]
+const BEHIND = { distance: 1.6, elevation: 0.62 }; // where it follows: away from what is seen [ranges], over it [rad]
+const [NEARLY_ALL, MOST] = [0.99, 0.95]; // shares of the last scan's points that its range and its angles hold
+const WIDE = 0.009; // edge of a point [ranges]
 const LAST_TEXEL = 256, LAST_COLOR = [255, 64, 176]; // behind the palette, of the last scan
+
+/** Numbers at these shares of a list, in ascending order. */
+function quantiles(values, ...shares) {
+  const sorted = Float64Array.from(values).sort();
+  return shares.map((share) => sorted[Math.round(share * (sorted.length - 1))]);
+}
 
 class LiveView extends MapView {
   constructor(stage, dive) {
     super(stage);
-    Object.assign(this, { dive, follow: true, chosen: null, span: 5 });
+    Object.assign(this, { dive, follow: true, chosen: null, colored: "height" });
+    this.field = { far: 5, pans: [0, 0], tilts: [0, 0] }; // seen by the last scan from the vehicle: range [m], angles [rad]
     this.part = { number: 0, axes: ["x", "y", "z"] };
-    this.range = [0, 1]; // heights at the ends of the palette [m]
     this.scene.usePalette([...ramp("viridis"), LAST_COLOR]);
-    followKeys(this, { Home: () => this.showAll() });
+    followKeys(this, { Home: () => this.showAll(), c: () => this.colorBy() });
     this.refresh();
   }
 
@@ -93,23 +107,29 @@ class LiveView extends MapView {
   show({ kind, cloud }) {
     if (kind === "reset") this.scene.forgetPoints();
     if (cloud) this.scene.showPoints(kind === "last" ? "last" : `${cloud.key}`, cloud);
-    if (kind === "last") this.measureLast(cloud);
+    if (["last", "state"].includes(kind)) this.measureField();
     if (!["last", "coverage"].includes(kind)) this.refreshing ??= setTimeout(() => this.refresh(), this.frames ? REFRESH : 0);
     this.request();
   }
 
-  /** The middle of the last scan, in its key scan's frame, and how far around the vehicle there is something to see [m]. */
-  measureLast({ places, quantum, count }) {
-    this.middle = [0, 0, 0];
-    for (let k = 0; k < places.length; k++) this.middle[k % 3] += (quantum * places[k]) / count;
-    this.span = Math.max(1, 2.5 * lengthOf(this.middle));
+  measureField() {
+    const { last } = this.dive, { vehicle } = this.seen();
+    if (!vehicle || !last?.count || !this.dive.isIn(this.part.number, last.key)) return;
+    const track = { places: [vehicle.place], turns: [vehicle.turn] };
+    const own = Array.from({ length: last.count }, (_, k) => toSensor(track, 0, this.dive.pointOf(last, k)));
+    const rim = [(1 - MOST) / 2, (1 + MOST) / 2];
+    this.field = {
+      far: Math.max(1, ...quantiles(own.map(lengthOf), NEARLY_ALL)),
+      pans: quantiles(own.map(([x, y]) => Math.atan2(y, x)), ...rim),
+      tilts: quantiles(own.map(([x, y, z]) => Math.atan2(z, Math.hypot(x, y))), ...rim),
+    };
   }
 
   click() {}
 
   /** Follow the vehicle, in its part and looking ahead over it, or stay. */
   setFollow(on) {
-    [this.follow, this.aimed] = [on, false];
+    [this.follow, this.followed] = [on, null];
     if (on) this.chosen = null;
     this.refresh();
   }
@@ -121,21 +141,40 @@ class LiveView extends MapView {
     [this.camera.azimuth, this.camera.distance] = [azimuth, 1.2 * this.camera.distance];
   }
 
+  /** Color by what is named, or by the next. */
+  colorBy(name) {
+    const names = Object.keys(this.colorings);
+    this.colored = name ?? names[(names.indexOf(this.colored) + 1) % names.length];
+    this.refresh();
+  }
+
   /** Look at all points of the part anew: its extent, its colors, and the lines. */
   refresh() {
     this.refreshing = null;
     const { dive } = this, number = (this.part.number = this.chosen ?? dive.state.part), samples = dive.samples(number);
+    let heights = [0, 1];
     if (samples.length) {
-      const axes = [0, 1, 2].map((axis) => Float64Array.from(samples, (place) => place[axis]).sort());
-      const corners = (...shares) => shares.map((share) => axes.map((axis) => axis[Math.round(share * (axis.length - 1))]));
+      const corners = (...shares) => shares.map((share) => [0, 1, 2].map((axis) => quantiles(samples.map((place) => place[axis]), share)[0]));
       this.camera.cover(corners(0, 1), corners(0.01, 0.99));
-      this.range = corners(0.01, 0.99).map((corner) => corner[2]);
+      heights = corners(0.03, 0.97).map((corner) => corner[2]);
     }
-    this.coloring = byHeight("height in the frame of this map", ...this.range, (z) => meters(z, 0.1));
+    this.colorings = this.coloringsBetween(heights, dive.cloudsIn(number).map(({ key }) => key));
     this.scene.showLines("track", dive.trackPieces(number), LINES.track);
     this.scene.showLines("kept", dive.between(number, dive.loops), LINES.kept);
     this.changed?.();
     this.request();
+  }
+
+  /** Colorings by their names, with numbers `of` a key scan where all of its points have one color, at the `ends` of the palette. */
+  coloringsBetween(heights, keys) {
+    const by = (label, ends, worded, of) => ({ ...byNumber(label, ...ends, worded), ends, of });
+    const sigmas = keys.map((key) => this.dive.poses[key].sigma), newest = Math.max(0, ...keys);
+    return {
+      height: by("height in the frame of this map", heights, (z) => meters(z, 0.1)),
+      distance: by("distance from the vehicle", [0, 1.5 * this.field.far], (far) => meters(far, 0.1)),
+      age: by("age, in key scans", [newest - Math.min(newest, ...keys), 0], (age) => age.toFixed(), (key) => newest - key),
+      uncertainty: by("standard deviation of the place", [0, Math.max(1e-3, ...sigmas)], (sigma) => meters(sigma), (key) => this.dive.poses[key].sigma),
+    };
   }
 
   /** The last sure place and the vehicle {place, turn}, where they are in the part that is shown. */
@@ -147,19 +186,29 @@ class LiveView extends MapView {
     };
   }
 
-  /** Arrow and ellipsoid, and where to go back to; the labels of these. */
+  /** The vehicle to scale, its ellipsoid and field of view, and where to go back to; the labels of these. */
   showVehicle() {
     const { camera, scene } = this, { status, half_axes } = this.dive.state, { vehicle, sure } = this.seen();
-    const color = STATUS_COLORS[status] ?? UNKNOWN_COLOR, size = ARROW * camera.pixel(), lost = status === "lost" && sure;
+    const color = STATUS_COLORS[status] ?? UNKNOWN_COLOR, size = Math.max(LENGTH, LEAST * camera.pixel()), lost = status === "lost" && sure;
     const at = (...corner) => sum(vehicle.place, turned(vehicle.turn, corner.map((value) => value * size)));
-    const corners = vehicle ? [at(-0.7, 0.5, 0), at(-0.7, 0, 0.35), at(-0.7, -0.5, 0)] : [];
-    const edges = corners.flatMap((corner, k) => [[at(1, 0, 0), corner], [corner, corners[(k + 1) % 3]]]);
+    const corners = vehicle ? [at(-0.4, 0.35, 0), at(-0.4, 0, 0.3), at(-0.4, -0.35, 0)] : [];
+    const edges = corners.flatMap((corner, k) => [[at(0.6, 0, 0), corner], [corner, corners[(k + 1) % 3]]]);
     const around = vehicle ? ellipsoidPieces({ places: [vehicle.place], half_axes: [half_axes] }, 1) : [];
     scene.showLines("ellipsoids", around, { color, width: 1.5, hidden: 0.5 });
+    scene.showLines("field", vehicle ? this.fieldPieces(vehicle) : [], { color: LAST_COLOR.map((value) => value / 255), width: 1.5 });
     scene.showLines("back", lost && vehicle ? [[vehicle.place, sure]] : [], { color, width: 2, dash: 8, hidden: 0.8 });
     scene.showLines("sure", lost ? crosses([sure], 14 * camera.pixel()) : [], { color, width: 5, hidden: 0.9 });
     scene.showLines("vehicle", edges, { color, width: 4, hidden: 0.9 });
     return [...(vehicle ? [[vehicle.place, `vehicle, ${status}`]] : []), ...(lost ? [[sure, "last sure place"]] : [])];
+  }
+
+  /** The rim of what the last scan saw, and lines from the vehicle to its corners. */
+  fieldPieces({ place, turn }) {
+    const { far, pans: [first, last], tilts } = this.field;
+    const at = (pan, tilt) => sum(place, turned(turn, [Math.cos(tilt) * Math.cos(pan), Math.cos(tilt) * Math.sin(pan), Math.sin(tilt)]), far);
+    const pan = (k) => first + (k / CIRCLE) * (last - first);
+    const rims = tilts.flatMap((tilt) => Array.from({ length: CIRCLE }, (_, k) => [at(pan(k), tilt), at(pan(k + 1), tilt)]));
+    return [...rims, ...[first, last].flatMap((side) => [tilts.map((tilt) => at(side, tilt)), ...tilts.map((tilt) => [place, at(side, tilt)])])];
   }
 
   /** Ask for a frame; `moved` if the user moved the camera. */
@@ -170,27 +219,31 @@ class LiveView extends MapView {
 
   /** Every key scan in its own frame: when a loop closes, its pose changes, and no point. */
   look() {
-    if (this.follow) this.followVehicle();
-    const { dive, part: { number }, range } = this, { last } = dive;
+    if (this.follow) this.followVehicle(performance.now());
+    const { dive, part: { number } } = this, { last } = dive, { ends, of } = this.colorings[this.colored];
     const cloudOf = (name, { key, count }, more) => {
       const { place: origin, turn } = dive.poses[key];
       return { name, tiles: [{ start: 0, count, origin, turn }], ...more };
     };
-    const clouds = dive.cloudsIn(number).map((cloud) => cloudOf(`${cloud.key}`, cloud));
-    if (last && dive.isIn(number, last.key)) clouds.push(cloudOf("last", last, { texel: LAST_TEXEL, larger: 1.4, step: 1 }));
-    return { clouds, voxel: 0.003 * this.span, range, labels: this.showVehicle() };
+    const texelOf = (key) => clamped((254 * (of(key) - ends[0])) / (ends[1] - ends[0] || 1));
+    const clouds = dive.cloudsIn(number).map((cloud) => cloudOf(`${cloud.key}`, cloud, of && { texel: texelOf(cloud.key) }));
+    if (last && dive.isIn(number, last.key)) clouds.push(cloudOf("last", last, { texel: LAST_TEXEL, larger: 0.7, step: 1 }));
+    const from = this.colored === "distance" ? this.seen().vehicle?.place : null;
+    return { clouds, voxel: WIDE * this.field.far, range: ends, from, labels: this.showVehicle() };
   }
 
-  /** Look at the vehicle and what it sees now, or at where it was last sure. */
-  followVehicle() {
-    const { camera, dive } = this, { vehicle, sure } = this.seen(), { last } = dive, place = vehicle?.place ?? sure;
+  /** Look over the vehicle at what it sees, or at where it was last sure; turn and move smoothly there. */
+  followVehicle(now) {
+    const { camera, dive, field: { far } } = this, { vehicle, sure } = this.seen(), place = vehicle?.place ?? sure;
     if (!place) return;
-    const middle = last && dive.isIn(this.part.number, last.key) ? dive.placed(last.key, this.middle) : place;
-    const far = Math.max(1, Math.min(camera.reach, this.span)) * Math.max(1, camera.height / camera.width);
-    camera.lookAt(sum(place, middle).map((value) => value / 2), 1.8 * far);
-    if (vehicle && !this.aimed) {
-      const [x, y] = turned(vehicle.turn, [1, 0, 0]);
-      [camera.azimuth, this.aimed] = [Math.atan2(x, y) + ASIDE, true];
-    }
+    const [x, y] = vehicle ? turned(vehicle.turn, [1, 0, 0]) : [0, 0], wide = Math.max(1, camera.height / camera.width);
+    const turn = vehicle ? Math.atan2(x, y) - camera.azimuth : 0;
+    const away = minus(sum(place, [x, y, 0], far / 2), camera.target), further = BEHIND.distance * far * wide - camera.distance;
+    const near = this.followed && lengthOf([...away, further]) < camera.distance;
+    const share = near ? 1 - 2 ** ((this.followed - now) / HALFWAY) : 1;
+    camera.turn(share * Math.atan2(Math.sin(turn), Math.cos(turn)), share * (BEHIND.elevation - camera.elevation));
+    camera.lookAt(sum(camera.target, away, share), camera.distance + share * further);
+    this.followed = now;
+    if (lengthOf([...away, further]) > 0.003 * far || Math.abs(Math.sin(turn / 2)) > 0.001) this.request();
   }
 }

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.live.growing import Pose
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.messages import Message, State, coverage
 
+COVARIANCE = np.diag([0.0, 0.0, 0.0, 0.01, 0.0036, 0.0016])  # of each pose
 BETWEEN = 3  # scans from one key scan to the next
 
 
@@ -37,7 +39,10 @@ class KnownDive:
             sure=(0, pose.translation.tolist()),
             depth=3.0,
             speed=0.43,
-            turn_rate=-3.2,
+            held=lost or 192.0,
+            heading=70.4,
+            altitude=2.13,
+            ahead=6.82,
         )
         return "state", state.message
 
@@ -46,7 +51,7 @@ class KnownDive:
         rng = np.random.default_rng(1)
         for key in range(end):
             points = rng.uniform([1, -4, -5.2], [9, 4, -5], (self.per_scan, 3))
-            yield from messages.poses(key, [0] * (key + 1), [self.pose(k) for k in range(key + 1)])
+            yield from messages.poses(key, [Pose(0, self.pose(k), COVARIANCE) for k in range(key + 1)])
             yield messages.cloud(key, points)
             yield messages.last(key, points)
             self.seen.append(self.pose(key).apply(points)[:, :2])

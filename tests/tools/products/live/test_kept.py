@@ -5,10 +5,11 @@ import json
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.live.growing import Pose
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.messages import Kept
 
-T = RigidTransform.identity()
+POSE = Pose(0, RigidTransform.identity(), np.zeros((6, 6)))
 
 
 def all_after(store: Kept, reached: dict[type, int]) -> tuple[list[str], list[bytes]]:
@@ -23,7 +24,7 @@ def all_after(store: Kept, reached: dict[type, int]) -> tuple[list[str], list[by
 def filled(keys: int = 50) -> Kept:
     store = Kept()
     for key in range(keys):
-        for each in messages.poses(key, [0] * (key + 1), [T] * (key + 1)):
+        for each in messages.poses(key, [POSE] * (key + 1)):
             store.add(each)
         store.add(messages.cloud(key, np.full((10, 3), float(key))))
         store.add(messages.last(key, np.ones((5, 3))))
@@ -45,7 +46,7 @@ def test_a_late_browser_gets_everything_and_then_only_news() -> None:
 def test_unchanged_poses_are_not_sent_again() -> None:
     store, reached = filled(), dict[type, int]()
     all_after(store, reached)
-    for each in messages.poses(0, [0] * 50, [T] * 50):
+    for each in messages.poses(0, [POSE] * 50):
         store.add(each)
     assert store.after(reached) == []
 

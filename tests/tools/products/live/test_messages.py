@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.live.growing import Pose
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.messages import State, coverage
 
@@ -32,9 +33,11 @@ def test_points_are_decoded_within_half_a_quantum() -> None:
 
 def test_poses_are_sent_in_blocks_from_the_first_change() -> None:
     block = messages.BLOCK
-    sent = dict(messages.poses(block + 3, [0] * (2 * block) + [1], [T] * (2 * block + 1)))
+    covariance = np.diag([1.0, 1.0, 1.0, 0.01, 0.04, 0.01])
+    poses = [*[Pose(0, T, covariance)] * (2 * block), Pose(1, T, covariance)]
+    sent = dict(messages.poses(block + 3, poses))
     assert list(sent) == [f"poses {block}", f"poses {2 * block}"]
-    assert json.loads(sent[f"poses {2 * block}"]) == {"kind": "poses", "first": 2 * block, "poses": [[1, *SEVEN]]}
+    assert json.loads(sent[f"poses {2 * block}"]) == {"kind": "poses", "first": 2 * block, "poses": [[1, 0.2, *SEVEN]]}
     assert len(json.loads(sent[f"poses {block}"])["poses"]) == block
 
 
@@ -111,4 +114,4 @@ def test_a_state_message_has_the_fields_of_the_state() -> None:
     assert sent["kind"] == "state"
     assert sent["sentence"] == state.sentence
     assert (sent["status"], sent["keys"], sent["lost_for"], sent["sure"]) == ("lost", 4, 7.5, [1, [1, 2, 3]])
-    assert (sent["speed"], sent["alerts"]) == (None, ["<&"])
+    assert (sent["ahead"], sent["alerts"]) == (None, ["<&"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.live.growing import Pose
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
@@ -45,7 +46,8 @@ def test_the_page_shows_a_dive_and_an_alarm_when_lost(width: int) -> None:
         assert "6,000 points of 20 key scans" in page.inner_text("#said")
         assert page.inner_text("#status") == "placed"
         assert "59 of 60" in page.inner_text("#sentence")
-        assert "0.4\u202fm/s" in page.inner_text("#facts")
+        figures = ("0.4\u202fm/s", "3:12", "70°", "2.1\u202fm", "6.8\u202fm")
+        assert [text for text in figures if text not in page.inner_text("#facts")] == []
         assert "once" in page.inner_text("#coverage")
         assert page.is_hidden("#alarm")
         live.publish(dive.state(19, lost=61.0))
@@ -72,8 +74,8 @@ def test_new_poses_move_clouds_without_resending_them() -> None:
             # the sensor's x axis lies along y
             T = RigidTransform.from_components([0.0, y, 0.0], Rotation.from_rotvec([0, 0, np.pi / 2]))
             after = T * RigidTransform.from_translation([1.0, 0.0, 0.0])
-            for each in messages.poses(0, [0, 0], [T, after]):
-                live.publish(each)
+            for message in messages.poses(0, [Pose(0, each, np.zeros((6, 6))) for each in (T, after)]):
+                live.publish(message)
             wait_until(
                 page, f"Math.abs(sonarmap.view.camera.center[1] - {y + 3}) < 0.3 && sonarmap.dive.samples(0).length"
             )

@@ -28,7 +28,7 @@ function ramp(name) {
  */
 function coloringsOf(part, { columns }) {
   const { label, zero, range: [low, high] } = part.height;
-  const all = { depth: byHeight(label, low, high, (z) => meters(zero === null ? z : zero - z, (high - low) / 100)) };
+  const all = { depth: byNumber(label, low, high, (z) => meters(zero === null ? z : zero - z, (high - low) / 100)) };
   if (columns.echo) all.echo = byCode("echo strength (as the sonar gives it)", columns.echo, part.scales.echo, "");
   all.sigma = byCode("standard deviation of a point's coordinates", columns.sigma, part.scales.sigma, "m");
   const most = quantile(columns.seen, 0.99);
@@ -41,8 +41,8 @@ function coloringsOf(part, { columns }) {
   return all;
 }
 
-/** By height between two heights [m], which the legend words. */
-function byHeight(label, low, high, worded) {
+/** By a number that the card works out, between two of them, which the legend words. */
+function byNumber(label, low, high, worded) {
   return { label, palette: ramp("viridis"), texel: null, marks: [low, (low + high) / 2, high].map(worded) };
 }
 
