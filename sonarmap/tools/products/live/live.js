@@ -166,7 +166,7 @@ try {
   $("#colored").append(...Object.keys(view.colorings).map((name) => make("option", {}, name)));
   $("#colored").addEventListener("change", ({ target }) => view.colorBy(target.value));
   $("#above").addEventListener("click", () => (view.camera.fromAbove(), view.request()));
-  $("#all").addEventListener("click", () => (view.showAll(), view.request(true)));
+  $("#all").addEventListener("click", () => (view.camera.reset(), view.request(true)));
   $("#sure").addEventListener("click", showSure);
 } catch (error) {
   withoutView(`${error.message}; this browser, or this machine's graphics driver, does not offer it`);

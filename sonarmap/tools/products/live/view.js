@@ -84,7 +84,6 @@ const HALFWAY = 350; // time in which the camera that follows comes half the way
 const BEHIND = { distance: 1.6, elevation: 0.62 }; // where it follows: away from what is seen [ranges], over it [rad]
 const [NEARLY_ALL, MOST] = [0.99, 0.95]; // shares of the last scan's points that its range and its angles hold
 const WIDE = 0.009; // edge of a point [ranges]
-const LAST_TEXEL = 256, LAST_COLOR = [255, 64, 176]; // behind the palette, of the last scan
 
 /** Numbers at these shares of a list, in ascending order. */
 function quantiles(values, ...shares) {
@@ -98,8 +97,7 @@ class LiveView extends MapView {
     Object.assign(this, { dive, follow: true, chosen: null, colored: "height" });
     this.field = { far: 5, pans: [0, 0], tilts: [0, 0] }; // seen by the last scan from the vehicle: range [m], angles [rad]
     this.part = { number: 0, axes: ["x", "y", "z"] };
-    this.scene.usePalette([...ramp("viridis"), LAST_COLOR]);
-    followKeys(this, { Home: () => this.showAll(), c: () => this.colorBy() });
+    followKeys(this, { c: () => this.colorBy() });
     this.refresh();
   }
 
@@ -132,13 +130,6 @@ class LiveView extends MapView {
     [this.follow, this.followed] = [on, null];
     if (on) this.chosen = null;
     this.refresh();
-  }
-
-  /** Step back until all is seen, from where the camera looks. */
-  showAll() {
-    const { azimuth } = this.camera;
-    this.camera.reset();
-    [this.camera.azimuth, this.camera.distance] = [azimuth, 1.2 * this.camera.distance];
   }
 
   /** Color by what is named, or by the next. */
@@ -195,7 +186,7 @@ class LiveView extends MapView {
     const edges = corners.flatMap((corner, k) => [[at(0.6, 0, 0), corner], [corner, corners[(k + 1) % 3]]]);
     const around = vehicle ? ellipsoidPieces({ places: [vehicle.place], half_axes: [half_axes] }, 1) : [];
     scene.showLines("ellipsoids", around, { color, width: 1.5, hidden: 0.5 });
-    scene.showLines("field", vehicle ? this.fieldPieces(vehicle) : [], { color: LAST_COLOR.map((value) => value / 255), width: 1.5 });
+    scene.showLines("field", vehicle ? this.fieldPieces(vehicle) : [], LINES.field);
     scene.showLines("back", lost && vehicle ? [[vehicle.place, sure]] : [], { color, width: 2, dash: 8, hidden: 0.8 });
     scene.showLines("sure", lost ? crosses([sure], 14 * camera.pixel()) : [], { color, width: 5, hidden: 0.9 });
     scene.showLines("vehicle", edges, { color, width: 4, hidden: 0.9 });

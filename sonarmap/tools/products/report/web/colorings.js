@@ -1,29 +1,16 @@
 // By what points can be colored: which color each gets, and what the legend says.
 
-// matplotlib's maps, whose colors people with any kind of color vision can tell apart.
-const RAMPS = {
-  viridis:
-    "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 fde725",
-  plasma:
-    "0d0887 310597 4c02a1 6600a7 7e03a8 9511a1 aa2395 bc3587 cc4778 da5a6a e66c5c f0804e f89540 fdac33 fdc527 f8df25 f0f921",
-};
-const UNKNOWN = [128, 128, 128];
-const TEXELS = 256; // of a palette; the last is for what is not known
-
-/** A palette that changes evenly, by its name. */
-function ramp(name) {
-  const stops = RAMPS[name].split(" ").map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
-  const colors = [];
-  for (let k = 0; k < TEXELS - 1; k++) {
-    const at = (k / (TEXELS - 2)) * (stops.length - 1);
-    const before = Math.min(Math.floor(at), stops.length - 2);
-    colors.push(stops[before].map((value, c) => Math.round(value + (at - before) * (stops[before + 1][c] - value))));
-  }
-  return [...colors, UNKNOWN];
-}
+// matplotlib's viridis, whose colors people with any kind of color vision can tell apart.
+const VIRIDIS = "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 fde725"
+  .split(" ").map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
+const [UNKNOWN_TEXEL, LAST_TEXEL] = [255, 256]; // of what is not known, and of the last scan
+const PALETTE = Array.from({ length: 255 }, (_, k) => {
+  const at = (k / 254) * (VIRIDIS.length - 1), before = Math.min(Math.floor(at), VIRIDIS.length - 2);
+  return VIRIDIS[before].map((value, c) => Math.round(value + (at - before) * (VIRIDIS[before + 1][c] - value)));
+}).concat([[128, 128, 128], [255, 64, 176]]);
 
 /**
- * The colorings of a part of the map: {name: {label, palette, texel: point's number to its color, or null for its height's,
+ * The colorings of a part of the map: {name: {label, texel: point's number to its color, or null for its height's,
  * marks: texts from the first color to the last}}.
  */
 function coloringsOf(part, { columns }) {
@@ -34,7 +21,6 @@ function coloringsOf(part, { columns }) {
   const most = quantile(columns.seen, 0.99);
   all.seen = {
     label: "number of scans that saw a point",
-    palette: ramp("plasma"),
     texel: (k) => clamped((254 * (columns.seen[k] - 1)) / Math.max(1, most - 1)),
     marks: ["1 scan", most > 1 ? `${most} scans${most === 255 ? " or more" : ""}` : ""],
   };
@@ -43,15 +29,15 @@ function coloringsOf(part, { columns }) {
 
 /** By a number that the card works out, between two of them, which the legend words. */
 function byNumber(label, low, high, worded) {
-  return { label, palette: ramp("viridis"), texel: null, marks: [low, (low + high) / 2, high].map(worded) };
+  return { label, texel: null, marks: [low, (low + high) / 2, high].map(worded) };
 }
 
 /** By a column of codes as points.py makes them, whose extremes these are. */
 function byCode(label, codes, scale, unit) {
   const [low, high] = [quantile(codes, 0.01), quantile(codes, 0.99)];
-  const texel = (k) => (codes[k] ? clamped((254 * (codes[k] - low)) / (high - low || 1)) : TEXELS - 1);
+  const texel = (k) => (codes[k] ? clamped((254 * (codes[k] - low)) / (high - low || 1)) : UNKNOWN_TEXEL);
   const mark = (share) => short(valueOf(low + share * (high - low), scale), unit);
-  return { label, palette: ramp("plasma"), texel, marks: [0, 0.5, 1].map(mark) };
+  return { label, texel, marks: [0, 0.5, 1].map(mark) };
 }
 
 /** The number that a code stands for: 1 for the smaller of the extremes, 255 for the larger, in equal ratios. */
@@ -72,8 +58,8 @@ function quantile(codes, share) {
 }
 
 /** What the colors mean. */
-function showLegend(box, { label, palette, marks }) {
-  const css = (texel) => `rgb(${palette[texel].join(" ")})`;
+function showLegend(box, { label, marks }) {
+  const css = (texel) => `rgb(${PALETTE[texel].join(" ")})`;
   const scale = make("div", { class: "scale" });
   scale.style.background = `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`;
   box.replaceChildren(make("p", {}, label), scale, make("div", { class: "marks" }, ...marks.map((text) => make("span", {}, text))));

@@ -42,9 +42,12 @@ function layerBoxes(view) {
     view.shown[name] = on;
     view.showLayers();
   };
-  return Object.entries(layers).filter(([, text]) => text).map(([name, text]) =>
-    make("label", { class: `layer ${name}` },
-      make("input", { type: "checkbox", checked: view.shown[name], onchange: (event) => change(name, event.target.checked) }), text));
+  return Object.entries(layers).filter(([, text]) => text).map(([name, text]) => {
+    const { width, dash, color } = LINES[name] ?? LINES.accepted, swatch = make("span");
+    if (name !== "points") swatch.style.borderTop = `${Math.max(1, width)}px ${dash ? "dashed" : "solid"} rgb(${color.map((value) => 255 * value).join(" ")})`;
+    return make("label", { class: "layer" },
+      make("input", { type: "checkbox", checked: view.shown[name], onchange: (event) => change(name, event.target.checked) }), text, swatch);
+  });
 }
 
 /** A slider that cuts points off at a height: at its outer end, nothing. */

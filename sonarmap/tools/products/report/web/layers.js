@@ -10,6 +10,7 @@ const LINES = {
   control: { color: [0.84, 0.37, 0], width: 2.5, hidden: 0.75 },
   residuals: { color: [0.9, 0.1, 0.1], width: 2.5, hidden: 0.75 },
   chosen: { color: [1, 0.85, 0.1], width: 6, hidden: 0.75 },
+  field: { color: PALETTE[LAST_TEXEL].map((value) => value / 255), width: 1.5 },
   measured: { color: [0.55, 0.25, 0.85], width: 2.5, hidden: 0.75 },
 };
 const CONFIDENCE = 2.7955; // standard deviations of a place in space that hold 95 %

@@ -13,7 +13,7 @@ class MapView {
   constructor(stage) {
     Object.assign(this, { stage, part: null, frames: 0, step: 1, quick: 0 });
     this.canvas = stage.querySelector("canvas");
-    this.scene = new Scene(this.canvas);
+    this.scene = new Scene(this.canvas, PALETTE);
     this.camera = new Camera();
     this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
     new ResizeObserver(() => this.resize()).observe(stage);

@@ -40,21 +40,20 @@ const SHADE_FRAGMENT = `#version 300 es
 precision highp float;
 uniform highp sampler2D colors;
 uniform highp sampler2D depths;
-uniform vec2 planes;        // of the camera
-uniform float apart;        // from a pixel to its neighbors [pixels of the card]
+uniform float farthest;     // a of the camera's depth
+uniform int apart;          // from a pixel to its neighbors [pixels of the card]
 uniform float strength;
 out vec4 pixel;
+const ivec2 AROUND[8] = ivec2[](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1), ivec2(-1, 0), ivec2(-1, -1), ivec2(0, -1), ivec2(1, -1));
 float depthAt(ivec2 at) { return texelFetch(depths, clamp(at, ivec2(0), textureSize(depths, 0) - 1), 0).r; }
-float far(float depth) { return log2(planes.y / (2.0 * depth - 1.0 - planes.x)); }
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   gl_FragDepth = depthAt(at);
-  float here = far(gl_FragDepth), shade = 0.0;
-  for (int k = 0; k < 8; k++) {
-    float turn = 0.785398 * float(k);
-    shade += clamp(here - far(depthAt(at + ivec2(round(apart * vec2(cos(turn), sin(turn)))))), 0.0, 0.1);
-  }
-  pixel = vec4(texelFetch(colors, at, 0).rgb * (gl_FragDepth < 1.0 ? exp(-strength * shade) : 1.0), 1.0);
+  pixel = texelFetch(colors, at, 0);
+  if (gl_FragDepth == 1.0) return;
+  float here = farthest + 1.0 - 2.0 * gl_FragDepth, shade = 0.0;  // over that of a neighbor: its distance over this one
+  for (int k = 0; k < 8; k++) shade += clamp(1.0 - here / (farthest + 1.0 - 2.0 * depthAt(at + apart * AROUND[k])), 0.0, 0.07);
+  pixel.rgb *= exp(-strength * shade);
 }`;
 
 // A piece of a line as a rectangle, of which each corner has both ends: WebGL's own lines are one pixel wide.
@@ -76,9 +75,10 @@ void main() {
   vec2 from = a.xy / a.w * size / 2.0, to = b.xy / b.w * size / 2.0;
   float far = length(to - from);
   vec2 ahead = far > 0.0 ? (to - from) / far : vec2(1.0, 0.0);
-  bool last = gl_VertexID % 4 > 1;
+  int corner = gl_VertexID % 6;  // of two triangles
+  bool last = corner > 2 ? corner != 4 : corner == 2;
   vec4 place = last ? b : a;
-  float side = gl_VertexID % 2 == 0 ? -0.5 : 0.5;
+  float side = corner == 1 || corner > 3 ? 0.5 : -0.5;
   place.xy += vec2(-ahead.y, ahead.x) * side * width / size * 2.0 * place.w;
   gl_Position = place;
   along = last ? far : 0.0;
@@ -104,21 +104,23 @@ const GROWTH = 0.3; // of points of which fewer are drawn: by 0.5 they would cov
 const SQUARES = [1.5, 24]; // smallest and largest edge of a point [pixels]
 const FAR = 1e9; // beyond any height [m]: not every card knows infinity
 const HIDDEN = 0.22; // how opaque a line is behind points
-const [APART, STRENGTH] = [1.5, 2.5]; // of neighbors in eye-dome lighting [pixels]; of its shades
+const STRENGTH = 3.5; // of the shades of eye-dome lighting
 
 class Scene {
-  /** Of a canvas on which WebGL2 works; throws an Error otherwise. */
-  constructor(canvas) {
+  /** Of a canvas on which WebGL2 works; throws an Error otherwise. The palette is of colors [red, green, blue], 0 to 255. */
+  constructor(canvas, palette) {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("WebGL2 is not to be had");
     this.gl = gl;
     this.clouds = new Map(); // {name: {points, buffer, colors: buffer or null, array}}
-    this.lines = new Map(); // {name: {count, offset, array, buffer, indices, and its style}}
+    this.lines = new Map(); // {name: {count, offset, array, buffer, and its style}}
     this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
     this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);
     this.shadeProgram = this.program(SHADE_VERTEX, SHADE_FRAGMENT);
     [this.palette, this.colors, this.depths] = [0, 1, 2].map(() => gl.createTexture());
     this.frame = gl.createFramebuffer();
+    const texels = new Uint8Array(palette.flatMap((color) => [...color, 255]));
+    this.fill(this.palette, gl.RGBA8, palette.length, 1, gl.RGBA, gl.UNSIGNED_BYTE, texels);
     gl.enable(gl.DEPTH_TEST);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   }
@@ -167,12 +169,6 @@ class Scene {
     this.clouds.clear();
   }
 
-  /** The palette: up to 257 colors, [red, green, blue] each, 0 to 255. */
-  usePalette(colors) {
-    const { gl } = this, texels = new Uint8Array(colors.flatMap((color) => [...color, 255]));
-    this.fill(this.palette, gl.RGBA8, colors.length, 1, gl.RGBA, gl.UNSIGNED_BYTE, texels);
-  }
-
   /** Fill a texture with texels, or with nothing yet, that are taken as they are. */
   fill(texture, inside, width, height, format, type, texels) {
     const { gl } = this;
@@ -189,27 +185,22 @@ class Scene {
     const { gl } = this;
     const old = this.lines.get(name);
     const offset = pieces.length ? pieces[0][0] : [0, 0, 0];
-    const numbers = new Float32Array(24 * pieces.length); // both ends at each of four corners: far faster than instances
-    const corners = new Uint32Array(6 * pieces.length);
+    const numbers = new Float32Array(36 * pieces.length); // both ends at each corner of two triangles: far faster than instances
     pieces.forEach((ends, k) => {
       const both = ends.flatMap((end) => minus(end, offset));
-      for (let corner = 0; corner < 4; corner++) numbers.set(both, 24 * k + 6 * corner);
-      corners.set([0, 1, 2, 2, 1, 3].map((corner) => 4 * k + corner), 6 * k);
+      for (let corner = 0; corner < 6; corner++) numbers.set(both, 36 * k + 6 * corner);
     });
     const array = old?.array ?? gl.createVertexArray(), buffer = old?.buffer ?? gl.createBuffer();
-    const indices = old?.indices ?? gl.createBuffer();
     gl.bindVertexArray(array);
     gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indices);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
     ["begin", "end"].forEach((attribute, e) => {
       const at = gl.getAttribLocation(this.lineProgram.program, attribute);
       gl.enableVertexAttribArray(at);
       gl.vertexAttribPointer(at, 3, gl.FLOAT, false, 24, 12 * e);
     });
     gl.bindVertexArray(null);
-    this.lines.set(name, { count: pieces.length, offset, array, buffer, indices, ...style });
+    this.lines.set(name, { count: pieces.length, offset, array, buffer, ...style });
   }
 
   /**
@@ -255,8 +246,8 @@ class Scene {
     });
     gl.activeTexture(gl.TEXTURE0);
     gl.uniform1i(uniforms.depths, 1);
-    gl.uniform2fv(uniforms.planes, camera.planes());
-    gl.uniform1f(uniforms.apart, APART * ratio);
+    gl.uniform1f(uniforms.farthest, camera.planes()[0]);
+    gl.uniform1i(uniforms.apart, Math.ceil(ratio));
     gl.uniform1f(uniforms.strength, STRENGTH);
     gl.depthFunc(gl.ALWAYS);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -323,7 +314,7 @@ class Scene {
     for (const [compare, alpha] of [[gl.LEQUAL, 1], [gl.GREATER, lines.hidden ?? HIDDEN]]) {
       gl.depthFunc(compare);
       gl.uniform4f(uniforms.color, ...lines.color, alpha);
-      gl.drawElements(gl.TRIANGLES, 6 * lines.count, gl.UNSIGNED_INT, 0);
+      gl.drawArrays(gl.TRIANGLES, 0, 6 * lines.count);
     }
     gl.depthFunc(gl.LEQUAL);
     gl.depthMask(true);

@@ -37,8 +37,7 @@ class ReportView extends MapView {
   }
 
   colorBy(name) {
-    const { texel, palette } = this.colorings[(this.coloring = name)];
-    this.scene.usePalette(palette);
+    const { texel } = this.colorings[(this.coloring = name)];
     this.scene.colorPoints("points", texel && Uint8Array.from({ length: this.points.count }, (_, k) => texel(k)));
     this.request();
   }
