@@ -1,4 +1,4 @@
-// The plan of what was seen how often: the picture of coverage.py, with the vehicle and the last sure place on it.
+// The page: what comes by the WebSocket, in words, in the views, and in the plan. Texts become text nodes, never markup.
 
 const MARK = 0.025; // half a mark's size, as a share of the plan's
 
@@ -35,9 +35,6 @@ function showCoverage(box, coverage, track, vehicle, sure, ahead) {
   plan.querySelector("g g").replaceChildren(...marks);
 }
 
-// The page: what comes by the WebSocket, in words and in the views. Texts become text nodes, never markup.
-
-const $ = (selector) => document.querySelector(selector);
 const AGAIN = [500, 5000]; // until the next try to reach the server, at first and at most [ms]
 const OLD = 10000; // news is [ms]: they come each second, and later while a hard pair is registered
 const dive = new Dive(), wire = { bytes: 0, messages: 0, open: false };
@@ -55,7 +52,6 @@ function showState() {
   document.title = `${lost ? "LOST: " : ""}sonarmap live`;
   say("#status", lost ? "LOST" : status);
   say("#sentence", state.sentence);
-  say("#announced", `Now ${status}.`); // once, though numbers in the sentence change all the time
   const [x, y, z] = sure?.[1].map((value) => value.toFixed(1)) ?? [], of = state.parts > 1 ? ` of part ${sure?.[0]}` : "";
   say("#back", sure ? `The vehicle is lost. Go back to the last sure place: x ${x}, y ${y}, z ${z} m${of}.`
     : "The vehicle is lost, and no place was sure before.");
@@ -169,12 +165,11 @@ try {
   $("#all").addEventListener("click", () => (view.camera.reset(), view.request(true)));
   $("#sure").addEventListener("click", showSure);
 } catch (error) {
-  withoutView(`${error.message}; this browser, or this machine's graphics driver, does not offer it`);
+  withoutView(error.message);
 }
 toggle("#ahead", showPlan);
 toggle("#sound", sound);
 setInterval(sound, BEEP[1]);
 setInterval(showAge, 1000);
 connect();
-// For scripts that measure in the page.
-window.sonarmap = { dive, view, wire };
+window.sonarmap = { dive, view, wire }; // for scripts that measure in the page

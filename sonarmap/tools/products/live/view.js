@@ -40,12 +40,10 @@ class Dive {
     return sum(turned(pose.turn, place), pose.place);
   }
 
-  /** Whether a key scan's pose is known, in this part. */
   isIn(part, key) {
     return this.poses[key]?.part === part;
   }
 
-  /** Clouds of key scans in this part. */
   cloudsIn(part) {
     return [...this.clouds.values()].filter(({ key }) => this.isIn(part, key));
   }
@@ -77,19 +75,12 @@ class Dive {
 
 const STATUS_COLORS = { placed: [0, 0.62, 0.45], uncertain: [0.9, 0.62, 0], lost: [0.9, 0.1, 0.1] };
 const UNKNOWN_COLOR = [0.55, 0.55, 0.55]; // of a vehicle that waits, or whose dive has ended
-const LENGTH = 0.46; // of a small vehicle [m]; far away it is drawn larger, with
-const LEAST = 34; // [pixels]
+const LENGTH = 0.46, LEAST = 34; // of a small vehicle [m], and as it is drawn at least [pixels]
 const REFRESH = 300; // between two looks at all points and lines [ms]
 const HALFWAY = 350; // time in which the camera that follows comes half the way [ms]
 const BEHIND = { distance: 1.6, elevation: 0.62 }; // where it follows: away from what is seen [ranges], over it [rad]
 const [NEARLY_ALL, MOST] = [0.99, 0.95]; // shares of the last scan's points that its range and its angles hold
 const WIDE = 0.009; // edge of a point [ranges]
-
-/** Numbers at these shares of a list, in ascending order. */
-function quantiles(values, ...shares) {
-  const sorted = Float64Array.from(values).sort();
-  return shares.map((share) => sorted[Math.round(share * (sorted.length - 1))]);
-}
 
 class LiveView extends MapView {
   constructor(stage, dive) {
@@ -122,8 +113,6 @@ class LiveView extends MapView {
       tilts: quantiles(own.map(([x, y, z]) => Math.atan2(z, Math.hypot(x, y))), ...rim),
     };
   }
-
-  click() {}
 
   /** Follow the vehicle, in its part and looking ahead over it, or stay. */
   setFollow(on) {

@@ -31,7 +31,6 @@ class Camera {
     this.elevation = 0.75; // of the camera over the target [rad]
   }
 
-  /** Look straight down, y up. */
   fromAbove() {
     this.azimuth = 0;
     this.elevation = STEEPEST;
@@ -44,8 +43,7 @@ class Camera {
 
   /** Move what is seen by so many pixels. */
   pan(right, down) {
-    const { right: r, up } = this.axes();
-    const size = this.pixel();
+    const { right: r, up } = this.axes(), size = this.pixel();
     this.target = sum(sum(this.target, r, -right * size), up, down * size);
   }
 
@@ -67,10 +65,8 @@ class Camera {
     return (2 * this.distance * Math.tan(FIELD / 2)) / this.height;
   }
 
-  /** Unit vectors to the right, up and ahead. */
   axes() {
-    const [s, c] = [Math.sin(this.azimuth), Math.cos(this.azimuth)];
-    const [se, ce] = [Math.sin(this.elevation), Math.cos(this.elevation)];
+    const [s, c, se, ce] = [this.azimuth, this.elevation].flatMap((angle) => [Math.sin(angle), Math.cos(angle)]);
     return { right: [c, -s, 0], up: [s * se, c * se, ce], ahead: [s * ce, c * ce, -se] };
   }
 

@@ -9,16 +9,13 @@ const PALETTE = Array.from({ length: 255 }, (_, k) => {
   return VIRIDIS[before].map((value, c) => Math.round(value + (at - before) * (VIRIDIS[before + 1][c] - value)));
 }).concat([[128, 128, 128], [255, 64, 176]]);
 
-/**
- * The colorings of a part of the map: {name: {label, texel: point's number to its color, or null for its height's,
- * marks: texts from the first color to the last}}.
- */
+/** Colorings of a part: {name: {label, texel: point's number to its color, or null for its height's, marks: texts along the colors}}. */
 function coloringsOf(part, { columns }) {
   const { label, zero, range: [low, high] } = part.height;
   const all = { depth: byNumber(label, low, high, (z) => meters(zero === null ? z : zero - z, (high - low) / 100)) };
   if (columns.echo) all.echo = byCode("echo strength (as the sonar gives it)", columns.echo, part.scales.echo, "");
   all.sigma = byCode("standard deviation of a point's coordinates", columns.sigma, part.scales.sigma, "m");
-  const most = quantile(columns.seen, 0.99);
+  const [most] = quantiles(columns.seen, 0.99);
   all.seen = {
     label: "number of scans that saw a point",
     texel: (k) => clamped((254 * (columns.seen[k] - 1)) / Math.max(1, most - 1)),
@@ -34,7 +31,7 @@ function byNumber(label, low, high, worded) {
 
 /** By a column of codes as points.py makes them, whose extremes these are. */
 function byCode(label, codes, scale, unit) {
-  const [low, high] = [quantile(codes, 0.01), quantile(codes, 0.99)];
+  const known = codes.filter(Boolean), [low, high] = known.length ? quantiles(known, 0.01, 0.99) : [1, 1];
   const texel = (k) => (codes[k] ? clamped((254 * (codes[k] - low)) / (high - low || 1)) : UNKNOWN_TEXEL);
   const mark = (share) => short(valueOf(low + share * (high - low), scale), unit);
   return { label, texel, marks: [0, 0.5, 1].map(mark) };
@@ -47,17 +44,12 @@ function valueOf(code, [low, high]) {
 
 const clamped = (texel) => Math.max(0, Math.min(254, Math.round(texel)));
 
-/** A quantile of the codes that are known. */
-function quantile(codes, share) {
-  const counts = new Array(256).fill(0);
-  for (const code of codes) counts[code]++;
-  counts[0] = 0;
-  let left = share * counts.reduce((sum, count) => sum + count, 0);
-  const at = counts.findIndex((count) => count && (left -= count) <= 0);
-  return at < 0 ? 1 : at;
+/** Numbers at these shares of a list, in ascending order. */
+function quantiles(values, ...shares) {
+  const sorted = Float64Array.from(values).sort();
+  return shares.map((share) => sorted[Math.round(share * (sorted.length - 1))]);
 }
 
-/** What the colors mean. */
 function showLegend(box, { label, marks }) {
   const css = (texel) => `rgb(${PALETTE[texel].join(" ")})`;
   const scale = make("div", { class: "scale" });

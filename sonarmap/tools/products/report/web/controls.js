@@ -67,9 +67,6 @@ function heightSlider(view, id, end, text) {
   return make("label", {}, text, said, slider);
 }
 
-// What the page says of what was picked in the map, and what can be done with it.
-
-/** Say what was picked; null for nothing. */
 function showPicked(box, view, content, hit) {
   document.querySelector("#measure")?.setAttribute("aria-pressed", view.measuring);
   const close = button("×", () => view.leave(), { class: "close", "aria-label": "Close" });
@@ -132,7 +129,6 @@ function pointList(view, content, { point, place }) {
   ]);
 }
 
-/** A pose, and a button that ties its scan to another. */
 function poseRows(view, content, k) {
   const { track } = view.part;
   const sigmas = track.half_axes[k].map(lengthOf);

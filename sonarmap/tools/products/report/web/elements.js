@@ -1,5 +1,7 @@
 // Elements of the page and numbers in words. Every text, whatever file it comes from, becomes a text node: never markup.
 
+const $ = (selector) => document.querySelector(selector);
+
 /** An element with attributes, listeners (`onclick: function`) and children: elements, or texts. */
 function make(tag, attributes = {}, ...children) {
   const svg = ["svg", "g", "path", "line", "text", "rect", "circle"].includes(tag);
@@ -13,10 +15,8 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** A button; `more` are further attributes. */
 const button = (text, onclick, more = {}) => make("button", { type: "button", onclick, ...more }, text);
 
-/** A button that looks like a link. */
 const link = (text, onclick) => button(text, onclick, { class: "link" });
 
 /** A length with as many decimals as `step` [m] has use for. */
@@ -37,10 +37,8 @@ const counted = (count, what) => `${count.toLocaleString("en")} ${what}${count =
 
 const percent = (share) => (share === null ? "" : `${Math.round(100 * share)}\u202f%`);
 
-/** A row of a table, of texts or elements. */
 const tableRow = (cells) => make("tr", {}, ...cells.map((cell) => make("td", {}, cell)));
 
-/** A table under these headings. */
 function table(headings, rows, body = make("tbody", {}, ...rows.map(tableRow)), kind = "scroll") {
   const head = make("tr", {}, ...headings.map((heading) => make("th", { scope: "col" }, heading)));
   return make("div", { class: kind }, make("table", {}, make("thead", {}, head), body));
@@ -51,8 +49,6 @@ function follow(decisions, update) {
   decisions.listeners.push(update);
   update();
 }
-
-// Curves as SVG.
 
 const CHART_WIDTH = Math.min(720, Math.max(330, document.documentElement.clientWidth - 24)); // so that its texts can be read on a phone
 
@@ -74,16 +70,13 @@ function chart(label, unit, xs, series) {
   return make("figure", {}, make("figcaption", {}, `${label} [${unit}] `, ...names), svg);
 }
 
-/** A text centered under a chart. */
 const below = (x, y, text) => make("text", { x, y, "text-anchor": "middle" }, text);
 
-/** Lines across a chart with their numbers to the left. */
 const grid = (marks, y, [from, to], unit = "") => marks.flatMap((tick) => [
   make("line", { x1: from, x2: to, y1: y(tick), y2: y(tick), class: tick === 0 ? "zero" : "grid" }),
   make("text", { x: from - 6, y: y(tick) + 4, "text-anchor": "end" }, short(tick, unit)),
 ]);
 
-/** Curve number s of values, null for none, at places of the picture. */
 function curve(places, values, y, s) {
   const point = (value, k) => `${k && values[k - 1] !== null ? "L" : "M"}${places[k].toFixed(1)} ${y(value).toFixed(1)}`;
   const path = values.map((value, k) => (value === null ? "" : point(value, k))).join("");

@@ -16,16 +16,15 @@ function followPointer(view) {
     if (pointers.size === 1) travelled = 0;
   });
   canvas.addEventListener("pointermove", (event) => {
-    const from = pointers.get(event.pointerId);
+    const from = pointers.get(event.pointerId), to = [event.offsetX, event.offsetY];
     if (!from) return;
-    const to = [event.offsetX, event.offsetY];
-    const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+    const [dx, dy] = minus(to, from);
     travelled += Math.hypot(dx, dy);
     if (pointers.size === 2) {
       const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
-      const apart = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]) || 1;
+      const apart = (place) => lengthOf(minus(place, other)) || 1;
       view.camera.pan(dx / 2, dy / 2);
-      view.camera.zoom(apart(to) / apart(from), (to[0] + other[0]) / 2, (to[1] + other[1]) / 2);
+      view.camera.zoom(apart(to) / apart(from), ...sum(to, other).map((value) => value / 2));
     } else if (event.shiftKey || event.buttons & 6) view.camera.pan(dx, dy);
     else view.camera.turn(0.007 * dx, 0.007 * dy);
     pointers.set(event.pointerId, to);
@@ -33,7 +32,7 @@ function followPointer(view) {
   });
   const lift = (event) => {
     if (pointers.delete(event.pointerId) && event.type === "pointerup" && travelled < TAP && event.button === 0)
-      view.click(event.offsetX, event.offsetY, event.pointerType === "touch" ? FINGER : NEAR);
+      view.click?.(event.offsetX, event.offsetY, event.pointerType === "touch" ? FINGER : NEAR);
   };
   canvas.addEventListener("pointerup", lift);
   canvas.addEventListener("pointercancel", lift);

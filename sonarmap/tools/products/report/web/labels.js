@@ -6,18 +6,13 @@ const [LETTER, LINE] = [7, 19]; // about a letter's width, and a line's height [
 /** Put labels, [[place, text], ...], compass and scale where they belong in this frame. */
 function putLabels(view, labels) {
   const box = view.stage.querySelector("#labels");
-  while (box.children.length < labels.length) box.append(make("span"));
-  while (box.children.length > labels.length) box.lastChild.remove();
   const taken = [];
-  labels.forEach(([place, text], k) => {
-    const [x, , depth] = view.camera.project(place);
-    const y = freeHeight(taken, view.camera.project(place), text);
-    const label = box.children[k];
-    if (label.textContent !== text) label.textContent = text;
-    label.className = text === "◉" || text.length === 1 ? "mark" : "";
-    label.hidden = depth <= 0;
-    label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
-  });
+  box.replaceChildren(...labels.map(([place, text]) => {
+    const [x, y, depth] = view.camera.project(place);
+    const label = make("span", { class: text.length === 1 ? "mark" : "", hidden: depth <= 0 }, text);
+    label.style.transform = `translate(${x.toFixed(1)}px, ${freeHeight(taken, [x, y], text).toFixed(1)}px)`;
+    return label;
+  }));
   drawCompass(view);
   drawBar(view);
 }

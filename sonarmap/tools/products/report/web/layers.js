@@ -44,8 +44,7 @@ function ellipsoidPieces(track, factor) {
 
 /** The factor of 1, 10, 100 that makes ellipsoids visible but not large in a map of this reach [m]. */
 function fittingFactor(track, reach) {
-  const sizes = track.half_axes.map((axes) => CONFIDENCE * Math.max(...axes.map(lengthOf))).sort((a, b) => a - b);
-  const typical = sizes[sizes.length >> 1];
+  const [typical] = quantiles(track.half_axes.map((axes) => CONFIDENCE * Math.max(...axes.map(lengthOf))), 0.5);
   return [100, 10].find((factor) => factor * typical < 0.012 * reach) ?? 1;
 }
 
@@ -57,7 +56,6 @@ function pairsOf(part, pairs) {
     .map((pair) => ({ ...pair, ends: [place.get(pair.target), place.get(pair.source)] }));
 }
 
-/** The user's ties within a part, as pairs. */
 function decidedPairs(part, decisions) {
   return pairsOf(part, decisions.ties.map((tie) => ({ ...decisions.pairOf(tie), verdict: tie.verdict })));
 }

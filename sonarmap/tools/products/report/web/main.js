@@ -1,6 +1,5 @@
 // The page: read what is embedded in it, show it, and tie the map to the sections.
 
-const $ = (selector) => document.querySelector(selector);
 const content = JSON.parse($("#content-json").textContent);
 const pictures = JSON.parse($("#pictures-json").textContent);
 const decisions = new Decisions(content);
@@ -8,7 +7,8 @@ let view = null;
 
 async function showPart(number) {
   const part = content.parts[number];
-  view.showPart(part, await unpack(part.packed, $(`#points-${number}`).textContent));
+  const points = unpack(part.packed, $(`#points-${number}`).textContent);
+  view.showPart(part, await points.catch((error) => Promise.reject(new Error(`its points cannot be unpacked (${error.message})`))));
   showControls($("#controls"), view, content, number, showPart);
   $("#opening").hidden = true;
 }
@@ -55,20 +55,13 @@ showDecisions();
 window.addEventListener("beforeunload", (event) => decisions.saved || event.preventDefault()); // the browser then asks the user
 try {
   view = new ReportView($("#stage"), content, decisions, (hit) => showPicked($("#picked"), view, content, hit));
-} catch (error) {
-  showPictures(`${error.message}; this browser, or this machine's graphics driver, does not offer it`);
-}
-if (view) {
   view.canvas.addEventListener("webglcontextlost", () => {
     view = null;
     showPictures("the graphics driver stopped; loading the page again may help");
   });
-  try {
-    await showPart(0);
-  } catch (error) {
-    view = null;
-    showPictures(`its points cannot be unpacked (${error.message})`);
-  }
+  await showPart(0);
+} catch (error) {
+  view = null;
+  showPictures(error.message);
 }
-// For scripts that measure in the page: docs/report.md.
-window.sonarmap = { content, view, decisions, unpack, placeOf, degreesOf };
+window.sonarmap = { content, view, decisions, unpack, placeOf, degreesOf }; // for scripts that measure in the page: docs/report.md

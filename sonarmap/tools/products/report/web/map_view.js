@@ -6,13 +6,12 @@ const FEWEST = 32; // every how many points a slow machine draws at most: WebGL 
 const STILL = 1000, STEADY = 30; // without a change for so long all points are drawn [ms]; quick frames before more are [frames]
 
 class MapView {
-  /**
-   * On the canvas of `stage`. Its own are `part`: {axes} or null while there is nothing to draw; `look`: {clouds, voxel, range} as
-   * a scene draws them, and {labels}; and `click`.
-   */
+  /** In `stage`. Its own are `part`: {axes}, null while there is nothing to draw; `look`: what a scene draws, and {labels}; and `click`. */
   constructor(stage) {
     Object.assign(this, { stage, part: null, frames: 0, step: 1, quick: 0 });
-    this.canvas = stage.querySelector("canvas");
+    this.canvas = make("canvas", { id: "canvas", tabindex: 0, role: "application", "aria-label": "Map in 3D", "aria-describedby": "keys" });
+    stage.prepend(this.canvas, make("svg", { id: "compass", width: 84, height: 84, viewBox: "-42 -42 84 84", "aria-hidden": "true" }),
+      make("div", { id: "bar", "aria-hidden": "true" }, make("span")), make("div", { id: "labels", "aria-hidden": "true" }));
     this.scene = new Scene(this.canvas, PALETTE);
     this.camera = new Camera();
     this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
@@ -21,7 +20,6 @@ class MapView {
     followPointer(this);
   }
 
-  /** Ask for a frame. */
   request() {
     this.waiting ??= requestAnimationFrame((now) => this.draw(now));
   }

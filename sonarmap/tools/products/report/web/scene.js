@@ -110,7 +110,7 @@ class Scene {
   /** Of a canvas on which WebGL2 works; throws an Error otherwise. The palette is of colors [red, green, blue], 0 to 255. */
   constructor(canvas, palette) {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
-    if (!gl) throw new Error("WebGL2 is not to be had");
+    if (!gl) throw new Error("WebGL2 is not to be had; this browser, or this machine's graphics driver, does not offer it");
     this.gl = gl;
     this.clouds = new Map(); // {name: {points, buffer, colors: buffer or null, array}}
     this.lines = new Map(); // {name: {count, offset, array, buffer, and its style}}
@@ -126,8 +126,7 @@ class Scene {
   }
 
   program(vertex, fragment) {
-    const { gl } = this;
-    const program = gl.createProgram();
+    const { gl } = this, program = gl.createProgram();
     for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, source);
@@ -137,18 +136,13 @@ class Scene {
     }
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-    const uniforms = {};
-    for (let k = 0; k < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); k++) {
-      const { name } = gl.getActiveUniform(program, k);
-      uniforms[name] = gl.getUniformLocation(program, name);
-    }
-    return { program, uniforms };
+    const names = Array.from({ length: gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS) }, (_, k) => gl.getActiveUniform(program, k).name);
+    return { program, uniforms: Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)])) };
   }
 
   /** Show points {places: x, y, z of each [quanta], quantum [m]} under a name, in place of those that it had; their colors are set anew. */
   showPoints(name, points) {
-    const { gl } = this;
-    const cloud = this.clouds.get(name) ?? { buffer: gl.createBuffer(), array: gl.createVertexArray(), colors: null };
+    const { gl } = this, cloud = this.clouds.get(name) ?? { buffer: gl.createBuffer(), array: gl.createVertexArray(), colors: null };
     this.clouds.set(name, { ...cloud, points });
     gl.bindBuffer(gl.ARRAY_BUFFER, cloud.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, points.places, gl.STATIC_DRAW);
@@ -177,14 +171,9 @@ class Scene {
     for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
   }
 
-  /**
-   * Lines [[begin, end], ...] [m] under a name, in place of those that it had; the style is {color: [r, g, b] 0 to 1, width
-   * [pixels], dash [pixels], 0 for none, hidden: opacity behind points}.
-   */
+  /** Lines [[begin, end], ...] [m] under a name: {color: [r, g, b] 0 to 1, width and dash [pixels], hidden: opacity behind points}. */
   showLines(name, pieces, style) {
-    const { gl } = this;
-    const old = this.lines.get(name);
-    const offset = pieces.length ? pieces[0][0] : [0, 0, 0];
+    const { gl } = this, old = this.lines.get(name), offset = pieces.length ? pieces[0][0] : [0, 0, 0];
     const numbers = new Float32Array(36 * pieces.length); // both ends at each corner of two triangles: far faster than instances
     pieces.forEach((ends, k) => {
       const both = ends.flatMap((end) => minus(end, offset));
@@ -209,8 +198,7 @@ class Scene {
    * from the place `from`}.
    */
   draw(camera, look) {
-    const { gl } = this;
-    const ratio = gl.canvas.height / camera.height, matrix = camera.matrix();
+    const { gl } = this, ratio = gl.canvas.height / camera.height, matrix = camera.matrix();
     this.drawTo(this.frame);
     gl.clearColor(...look.ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -300,8 +288,7 @@ class Scene {
 
   /** Draw lines, and faintly what points hide of them. */
   drawLines(lines, camera, matrix, ratio) {
-    const { gl } = this;
-    const { program, uniforms } = this.lineProgram;
+    const { gl } = this, { program, uniforms } = this.lineProgram;
     gl.useProgram(program);
     gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
     gl.uniform3fv(uniforms.offset, minus(lines.offset, camera.target));

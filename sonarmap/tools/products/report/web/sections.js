@@ -21,9 +21,8 @@ function sectionsOf(content, pictures, decisions, choose) {
   return all.filter(([, , elements]) => elements.length);
 }
 
-function picture(name, url) {
-  return make("figure", {}, make("img", { src: url, alt: `${name}, written with the map` }), make("figcaption", {}, name));
-}
+const picture = (name, url) =>
+  make("figure", {}, make("img", { src: url, alt: `${name}, written with the map` }), make("figcaption", {}, name));
 
 /** The names of a pair's scans; a click shows it in the map. */
 const pairLink = (pair, names, choose) => link(`${names[pair.target]}\u00a0– ${names[pair.source]}`, () => choose(pair));
@@ -59,7 +58,6 @@ function loopSection({ pairs, names }, decisions, choose) {
   ];
 }
 
-/** Overlaps of a part's consecutive scans, and standard deviations of its poses. */
 function trackSection({ name, track }) {
   const sigmas = track.half_axes.map((axes) => axes.map(lengthOf));
   return [
@@ -78,23 +76,15 @@ function trackSection({ name, track }) {
 function crossingSection({ crossings, names }, choose) {
   if (!crossings.pairs) return [];
   const row = (name, suffix) => [name, short(crossings[`before${suffix}`], "m"), short(crossings[`after${suffix}`], "m")];
+  const worst = [...crossings.rows].sort((a, b) => b.after_m - a.after_m).slice(0, WORST).map((pair) => [
+    pairLink({ ...pair, role: "crossing", kept: true }, names, choose), short(pair.before_m, "m"), short(pair.after_m, "m"), short(pair.after_90_m, "m"),
+  ]);
   return [
     make("p", {}, `How far points of one scan lie from the surface of another, over ${crossings.pairs} pairs of scans that
       overlap but were not taken one soon after the other. The ranges' noise is part of it.`),
     table(["distance", "before the loops", "after"], [row("median", ""), row("90th percentile", "_90")]),
-    ...(crossings.rows.length ? crossingRows(crossings.rows, names, choose) : []),
-  ];
-}
-
-function crossingRows(rows, names, choose) {
-  const worst = [...rows].sort((a, b) => b.after_m - a.after_m).slice(0, WORST);
-  const line = (row) => [
-    pairLink({ ...row, role: "crossing", kept: true }, names, choose),
-    short(row.before_m, "m"), short(row.after_m, "m"), short(row.after_90_m, "m"),
-  ];
-  return [
-    make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
-    table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
+    worst.length ? make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map.") : "",
+    worst.length ? table(["scans", "median before", "median after", "90th percentile after"], worst) : "",
   ];
 }
 
@@ -114,7 +104,6 @@ function provenanceSection({ versions, device, inputs, georeference, graph, part
   ];
 }
 
-/** How far the map lies from what instruments measured. */
 function navigationSection({ navigation }) {
   const { names, units, rows } = navigation;
   if (!rows.length) return [];
@@ -135,7 +124,6 @@ function navigationSection({ navigation }) {
   ];
 }
 
-/** How far the map's points lie from the known places. */
 function controlResiduals(points) {
   if (!points.length) return [];
   const rms = (rows, of) => short(Math.sqrt(rows.reduce((total, row) => total + of(row) ** 2, 0) / rows.length), "m");

@@ -123,10 +123,9 @@ function tieSection(content, decisions, choose) {
   ];
 }
 
-/** Save, and back to what the map was made with. */
 function fileButtons(decisions) {
   const save = () => {
-    saveFile("ties.csv", tiesFile(decisions));
+    make("a", { href: `data:text/csv;charset=utf-8,${encodeURIComponent(tiesFile(decisions))}`, download: "ties.csv" }).click();
     decisions.saved = true;
   };
   const buttons = make("div", { class: "buttons" },
@@ -141,7 +140,6 @@ function wellFormed(text) {
   return String(text).replace(half, (unit) => `\\u${unit.charCodeAt(0).toString(16)}`);
 }
 
-/** A text on one line. */
 function oneLine(text) {
   return wellFormed(text).replace(/[\x00-\x1f\x7f\x85\u2028\u2029]/g, " ").trim();
 }
@@ -162,11 +160,4 @@ function csvOf(comment, columns, rows) {
   const line = (cells) => cells.map(cellOf).join(",");
   const lines = [`# ${oneLine(comment).replace(/[,;"]/g, " ")}`, line(columns), ...rows.map((row) => line(columns.map((name) => row[name])))];
   return `${lines.join("\n")}\n`;
-}
-
-/** Have the browser save a text as a file in UTF-8. */
-function saveFile(name, text) {
-  const url = URL.createObjectURL(new Blob([text], { type: "text/csv;charset=utf-8" }));
-  make("a", { href: url, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(url), 60000);
 }

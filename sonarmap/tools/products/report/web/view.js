@@ -45,16 +45,17 @@ class ReportView extends MapView {
   /** Draw the lines anew, after something of `shown`, of the factors, or of the decisions changed. */
   showLayers() {
     const { track } = this.part, { shown, control } = this;
-    const lines = (name, on, pieces, style = LINES[name]) => this.scene.showLines(name, on ? pieces() : [], style);
     this.ties = decidedPairs(this.part, this.decisions);
-    for (const name of ["kept", "refused"])
-      lines(name, shown[name], () => this.pairs.filter((pair) => pair.kept === (name === "kept")).map((pair) => pair.ends));
-    lines("ellipsoids", shown.ellipsoids, () => ellipsoidPieces(track, this.factor));
-    lines("track", shown.track, () => trackPieces(track, this.content.surveys));
-    for (const name of ["accepted", "rejected"])
-      lines(name, shown.decided, () => this.ties.filter((tie) => (tie.verdict === "reject") === (name === "rejected")).map((tie) => tie.ends));
-    lines("control", shown.control, () => crosses(control.map(({ known }) => known), ARM * this.camera.reach));
-    lines("residuals", shown.control, () => residualPieces(control, this.exaggeration));
+    const lines = (name, on, pieces) => this.scene.showLines(name, on ? pieces : [], LINES[name]);
+    const ends = (pairs, of) => pairs.filter(of).map((pair) => pair.ends);
+    lines("kept", shown.kept, ends(this.pairs, ({ kept }) => kept));
+    lines("refused", shown.refused, ends(this.pairs, ({ kept }) => !kept));
+    lines("ellipsoids", shown.ellipsoids, ellipsoidPieces(track, this.factor));
+    lines("track", shown.track, trackPieces(track, this.content.surveys));
+    lines("accepted", shown.decided, ends(this.ties, ({ verdict }) => verdict !== "reject"));
+    lines("rejected", shown.decided, ends(this.ties, ({ verdict }) => verdict === "reject"));
+    lines("control", shown.control, crosses(control.map(({ known }) => known), ARM * this.camera.reach));
+    lines("residuals", shown.control, residualPieces(control, this.exaggeration));
     this.showMeasured();
     this.request();
   }
