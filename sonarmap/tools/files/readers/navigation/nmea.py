@@ -57,6 +57,9 @@ _NO_FIX = {"6": "estimated", "7": "manual", "8": "simulated", "E": "estimated", 
 _SIGMAS = {"GNSS": 3.0, "DGNSS": 1.5, "RTK": 0.05, "floating RTK": 0.5}
 _ANGLES = {"roll": 0.5, "pitch": 0.5, "heading": 1.0, "magnetic": 3.0}
 _ASSUMED = "roll and pitch 0.5 degrees, magnetic heading 3 degrees, heading 1 degrees (gyrocompass)"
+_DAMAGED = "sentences have a wrong checksum or field and are left out"
+_UNCHECKED = "sentences have no checksum, and are read without"
+_UNFIXED = "sentences are without a fix, a heading or a time"
 _DEGREE = 111_195.0  # meters of latitude, on a sphere
 _LEAST_APART, _APART = 2.0, 1.5  # [m, sigmas] between two talkers whose positions alternate
 _CONTRADICTED = 3.0  # [sigmas]: talkers whose median difference is larger are on different vehicles
@@ -83,9 +86,7 @@ class _Sentences:
     measurements: list[_Measurement] = field(default_factory=list)
     unused: Counter[str] = field(default_factory=Counter)  # by sentence
     is_assumed: bool = False  # whether standard deviations of angles were
-    damaged: int = 0
-    unchecked: int = 0  # without a checksum
-    unfixed: int = 0  # without a fix, a heading or a time
+    counts: Counter[str] = field(default_factory=Counter)  # of sentences, by _DAMAGED, _UNCHECKED, _UNFIXED
     unmeasured: Counter[str] = field(default_factory=Counter)  # by the words of _NO_FIX
     variation: float = np.nan  # the last stated one [deg], East positive
 
@@ -105,27 +106,22 @@ def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes
     checked = {sentence[1:3] for sentence in lines if sentence[4]}
     for number, talker, sentence, fields, is_right in lines:
         if is_right or (is_right is None and (talker, sentence) not in checked):
-            read.unchecked += is_right is None
+            read.counts[_UNCHECKED] += is_right is None
             _take(number, talker, sentence, fields, read)
         else:
-            read.damaged += 1
+            read.counts[_DAMAGED] += 1
     is_magnetic = any(m.sentence in ("HDG", "HDM") for m in read.measurements)
     settings.refuse_unused(path, "holds NMEA sentences", OF_TABLES[: -1 if is_magnetic else None])
-    unmeasured = [f"{count} {kind}" for kind, count in sorted(read.unmeasured.items())]
     if not read.measurements or not read.timed:
         of = f" of {', '.join(settings.talkers)} (--nmea-talker)" if settings.talkers else ""
+        left_out = [each for counts in (read.counts, read.unmeasured, read.unused) for each in _counts(counts)]
         raise InputError(
-            f"{path} has no sentence{of} with a fix or a heading and a time ({read.damaged} have a wrong checksum, "
-            f"{', '.join([f'{read.unfixed} are without a fix', *unmeasured, *_counts(read.unused)])}); wanted GGA, "
-            "GNS, RMC or GLL, and HDT or PASHR"
+            f"{path} has no sentence{of} with a fix or a heading and a time (not used: "
+            f"{', '.join(left_out) or 'those without a time'}); wanted GGA, GNS, RMC or GLL, and HDT or PASHR"
         )
-    for count, words in (
-        (read.damaged, f"{read.damaged} sentences have a wrong checksum or field and are left out"),
-        (read.unchecked, f"{read.unchecked} sentences have no checksum, and are read without"),
-        (read.unfixed, f"{read.unfixed} sentences are without a fix, a heading or a time"),
-        (len(unmeasured), f"places that no receiver measured are left out: {', '.join(unmeasured)}"),
-    ):
-        notes += [f"{path}: {words}"] * (count > 0)
+    notes += [f"{path}: {note}" for note in _counts(read.counts)]
+    if read.unmeasured:
+        notes.append(f"{path}: places that no receiver measured are left out: {', '.join(_counts(read.unmeasured))}")
     return _log(path, read, scans, notes)
 
 
@@ -164,13 +160,13 @@ def _take(number: int, talker: str, sentence: str, fields: list[str], read: _Sen
         return
     try:
         if named.get("time", "-") == "":  # before the receiver knows it
-            read.unfixed += 1
+            read.counts[_UNFIXED] += 1
             return
         if "time" in _FIELDS[sentence]:
             read.timed.append((number, *_time(named)))
         measurement = _measurement(number, talker, sentence, named, read)
     except (ValueError, LookupError, OverflowError):
-        read.damaged += 1
+        read.counts[_DAMAGED] += 1
         return
     if measurement is not None and read.settings.talkers and talker not in read.settings.talkers:
         read.unused[talker + sentence.removeprefix(talker)] += 1
@@ -202,7 +198,7 @@ def _measurement(
     if sentence == "ZDA":
         return None
     if named.get("status", "A") != "A":
-        read.unfixed += 1
+        read.counts[_UNFIXED] += 1
         return None
     if "lat" in named:
         quality = set(named.get("quality") or "A" * ("status" in named)) - {"0", "N"}
@@ -225,7 +221,7 @@ def _measurement(
             if named.get(name):
                 _set_angle(found, name, float(named[name]), named.get(f"{name}_sigma", ""), read)
     if np.isnan(found.values).all():
-        read.unfixed += 1
+        read.counts[_UNFIXED] += 1
         return None
     return found
 
