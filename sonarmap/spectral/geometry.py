@@ -24,12 +24,8 @@ def twist(R: Rotation) -> np.ndarray:
 def level_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:
     """Covariance (2, 2), or (N, 2, 2) for N turns, of roll and pitch errors in the world [rad^2], turned about z."""
     angle = (np.asarray(turn) + twist(prior.R_world_sensor)) * prior.turned
-    cosine, sine = np.cos(angle), np.sin(angle)
-    roll, pitch = prior.sigmas[:2] ** 2
-    covariance = np.empty((*np.shape(angle), 2, 2))
-    covariance[..., 0, 0], covariance[..., 1, 1] = roll + (pitch - roll) * sine**2, pitch + (roll - pitch) * sine**2
-    covariance[..., 0, 1] = covariance[..., 1, 0] = (roll - pitch) * cosine * sine
-    return covariance
+    inverse = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).T
+    return inverse.mT * prior.sigmas[:2] ** 2 @ inverse
 
 
 def rotation_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:

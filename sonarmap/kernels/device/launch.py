@@ -178,7 +178,7 @@ def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -
     turn = np.eye(3) if R is None else np.asarray(R, np.float64)
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     # not `allclose`, which takes longer than a launch
-    if turn.shape[-2:] != (3, 3) or not np.abs(turn @ np.swapaxes(turn, -1, -2) - np.eye(3)).max(initial=0.0) <= 1e-4:
+    if turn.shape[-2:] != (3, 3) or not np.abs(turn @ turn.mT - np.eye(3)).max(initial=0.0) <= 1e-4:
         raise InputError(f"`R` is {turn.tolist()}; wanted a (3, 3) rotation matrix")
     if (np.linalg.det(turn) < 0).any():
         raise InputError(f"`R` is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")

@@ -36,9 +36,8 @@ class PriorTerm:
         return replace(self, residual=self.residual + _times(self.jacobian, step))
 
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
-        """(..., 6, 6) information of the instruments about the turn and shift, and (..., 6) gradient of half of
-        chi-squared."""
-        weighted = _transposed(np.linalg.solve(self.covariance, self.jacobian))
+        """(..., 6, 6) information by the instruments, and (..., 6) gradient of half of chi-squared."""
+        weighted = np.linalg.solve(self.covariance, self.jacobian).mT
         return weighted @ self.jacobian, _times(weighted, self.residual)
 
     def squared(self) -> np.ndarray:
@@ -53,13 +52,12 @@ class PriorTerm:
         deviations, the scans get less weight in that direction, and none beyond 4.
         """
         off = self.residual + _times(self.jacobian, step)
-        together = self.jacobian @ covariance @ _transposed(self.jacobian) + self.covariance
+        together = self.jacobian @ covariance @ self.jacobian.mT + self.covariance
         believed, distorted = _LIMITS[off.shape[-1] - 1]
         squared = (off * _solved(together, off)).sum(axis=-1)
         factor = np.maximum(squared - believed, 0.0) / np.maximum(distorted - squared, distorted / _UNKNOWN)
         # the shortest step that explains `off`: the rows of the Jacobian are independent
-        across = _transposed(self.jacobian)
-        along = _times(across, _solved(self.jacobian @ across, off))
+        along = _times(self.jacobian.mT, _solved(self.jacobian @ self.jacobian.mT, off))
         share = factor / np.maximum(squared, believed)
         return share[..., None, None] * along[..., :, None] * along[..., None, :]
 
@@ -71,10 +69,6 @@ def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) ->
     information = np.linalg.inv(scans + term.distortion(scans, step))
     measured, gradient = term.normal_equations()
     return _solved(information + measured + _STAY * np.eye(6), _times(information, step) - gradient)
-
-
-def _transposed(matrix: np.ndarray) -> np.ndarray:
-    return np.swapaxes(matrix, -1, -2)
 
 
 def _times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:

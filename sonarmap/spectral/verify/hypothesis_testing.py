@@ -84,8 +84,7 @@ class HypothesisTest(PairFrames):
         scores = np.array([finalist.rotation_score for finalist in finalists])
         kept = distinct(R, np.arange(len(finalists)), len(finalists), _SAME_ROTATION)
         rotations, boxes = RotationPeaks(R[kept], scores[kept]), self.boxes(R[kept])
-        named = self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
-        candidates = self.within_bounds(named)
+        candidates = self.within_bounds(self.verifier.fine_candidates(self.target, self.source, rotations, boxes))
         if not len(candidates.psr):
             return []
         selection = Selection(2 * len(finalists), FINE, SAME_REFINED_SHIFT)
@@ -108,8 +107,8 @@ class HypothesisTest(PairFrames):
         start = Start(places.R, places.shifts, np.full(len(places.alike), best.fit.width))
         free = self._unless_bounded() if weak else self
         fits = free._on_smoothed(0)._steps(start, [_FOUND_BY_HEIGHT]).read()
-        rivals = free._refine_and_rank(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
-        return self.possible(elsewhere(rivals, known))[:_RIVALS]
+        rivals = free._refine_and_observe(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK])
+        return self.possible(elsewhere(ranked(rivals), known))[:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         """The hypotheses compared, the best first and finished; a single hypothesis is not compared."""
@@ -205,26 +204,20 @@ class HypothesisTest(PairFrames):
     def _refine_candidates(
         self, candidates: Candidates, chosen: np.ndarray, stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        R, shifts = candidates.R[chosen], candidates.shifts[chosen]
-        scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
-        start = Start(R, shifts, np.zeros(len(shifts)))
-        return self._refine_and_rank(start, list(zip(scores, psr, strict=True)), stages, points)
+        start = Start(candidates.R[chosen], candidates.shifts[chosen], np.zeros(len(chosen)))
+        origins = np.column_stack([candidates.rotation_scores, candidates.psr])[chosen].tolist()
+        return ranked(self._refine_and_observe(start, origins, stages, points))
 
     def _refine(
         self, hypotheses: Sequence[Hypothesis], stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        return self._refine_and_rank(_start([each.fit for each in hypotheses]), _origins(hypotheses), stages, points)
-
-    def _refine_and_rank(
-        self, start: Start, origins: Sequence[tuple[float, float]], stages: Sequence[Stage], points: int
-    ) -> list[Hypothesis]:
-        """Refined and observed hypotheses, best first, without the weaker ones at the same pose."""
-        return ranked(self._refine_and_observe(start, origins, stages, points))
+        start = _start([each.fit for each in hypotheses])
+        return ranked(self._refine_and_observe(start, _origins(hypotheses), stages, points))
 
     def _refine_and_observe(
         self,
         start: Start,
-        origins: Sequence[tuple[float, float]],
+        origins: Sequence[Sequence[float]],
         stages: Sequence[Stage],
         points: int = SURFACE_POINTS,
     ) -> list[Hypothesis]:
@@ -234,7 +227,7 @@ class HypothesisTest(PairFrames):
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
         rows = zip(fits, origins, seen.evidence(fits, self.moved(*poses(fits))), strict=True)
-        return [Hypothesis(fit, *origin, shown) for fit, origin, shown in rows]
+        return [Hypothesis(fit, score, psr, shown) for fit, (score, psr), shown in rows]
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement of all poses."""
