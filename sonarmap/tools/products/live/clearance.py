@@ -2,17 +2,18 @@
 
 import numpy as np
 
-_FEWEST = 4  # echoes of a surface, at least; fewer may be stray
-_NARROWEST = 0.5  # radius of the tube in which a surface is looked for [m]
-_WIDTH = 2.0  # the same [voxels]
+_FEWEST, _SHARE = 4, 0.25  # echoes of a surface, at least: a number, and a share of the beams that would meet it
+_NARROWEST, _WIDTH = 0.5, 2.0  # radius of the tube in which a surface is looked for: [m], or [voxels] if that is more
 
 
 def clearance(points: np.ndarray, direction: np.ndarray, voxel: float) -> float | None:
-    """Distance along a unit vector from the origin to the nearest surface of points (N, 3) [m] in a tube around it;
-    None without one."""
+    """Distance [m] along a unit vector to the nearest surface of points (N, 3) [m] from the origin; None without."""
     radius = max(_NARROWEST, _WIDTH * voxel)
+    points = points[points @ direction > 0]
     along = points @ direction
     aside = np.linalg.norm(points - along[:, None] * direction, axis=1)
-    inside = np.sort(along[(along > 0) & (aside < radius)])
-    surfaces = np.flatnonzero(inside[_FEWEST - 1 :] - inside[: 1 - _FEWEST] < radius)
-    return float(np.median(inside[surfaces[0] :][:_FEWEST])) if len(surfaces) else None
+    inside = np.sort(along[aside < radius])
+    echoes = np.searchsorted(inside, inside + radius) - np.arange(len(inside))  # from each one on
+    beams = np.searchsorted(np.sort(aside / along), radius / inside)
+    surfaces = np.flatnonzero(echoes >= np.maximum(_FEWEST, _SHARE * beams))
+    return float(np.median(inside[surfaces[0] :][: echoes[surfaces[0]]])) if len(surfaces) else None
