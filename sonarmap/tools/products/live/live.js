@@ -63,7 +63,7 @@ function showState() {
     ["below the start", state.depth, "\u202fm"], [state.north ? "heading" : "heading from the start's", state.heading, "°", 0],
     ["speed", state.speed, "\u202fm/s"], ["over the bed", state.altitude, "\u202fm"], ["to the wall ahead", state.ahead, "\u202fm"],
   ].map(([name, value, unit, decimals = 1]) => [name, value?.toFixed ? `${value.toFixed(decimals)}${unit}` : "–"]);
-  const held = state.held?.toFixed ? `${Math.floor(state.held / 60)}:${String(Math.floor(state.held % 60)).padStart(2, "0")}` : "–";
+  const held = Number.isFinite(state.held) ? `${Math.floor(state.held / 60)}:${String(Math.floor(state.held % 60)).padStart(2, "0")}` : "–";
   $("#facts").replaceChildren(...[[lost ? "LOST for" : "placed for", held], ...facts].map(([name, text]) =>
     make("div", {}, make("dt", {}, name), make("dd", {}, text))));
   showPlan();
@@ -95,7 +95,6 @@ function showPlan() {
   showCoverage($("#coverage"), dive.coverage.get(part), dive.trackPieces(part), vehicle, state.status === "lost" && sure, ahead);
 }
 
-/** A button that is pressed or not, and what follows when it changes. */
 function toggle(selector, changed) {
   $(selector).addEventListener("click", ({ target }) => changed(target.setAttribute("aria-pressed", target.getAttribute("aria-pressed") !== "true")));
 }
@@ -157,7 +156,8 @@ try {
   view = new LiveView($("#stage"), dive);
   view.changed = showMap;
   view.canvas.addEventListener("webglcontextlost", () => withoutView("the graphics driver stopped; loading the page again may help"));
-  view.canvas.addEventListener("keydown", ({ key }) => key.toLowerCase() === "f" && view.setFollow(true));
+  const keys = { f: () => view.setFollow(true), c: () => view.colorBy() }; // which do not end following
+  view.canvas.addEventListener("keydown", ({ key }) => keys[key.toLowerCase()]?.());
   $("#follow").addEventListener("click", () => view.setFollow(!view.follow));
   $("#colored").append(...Object.keys(view.colorings).map((name) => make("option", {}, name)));
   $("#colored").addEventListener("change", ({ target }) => view.colorBy(target.value));

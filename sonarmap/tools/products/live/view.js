@@ -88,7 +88,7 @@ class LiveView extends MapView {
     Object.assign(this, { dive, follow: true, chosen: null, colored: "height" });
     this.field = { far: 5, pans: [0, 0], tilts: [0, 0] }; // seen by the last scan from the vehicle: range [m], angles [rad]
     this.part = { number: 0, axes: ["x", "y", "z"] };
-    followKeys(this, { c: () => this.colorBy() });
+    followKeys(this);
     this.refresh();
   }
 

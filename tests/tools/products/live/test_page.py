@@ -111,3 +111,49 @@ def test_the_page_shows_a_lost_server_and_reconnects() -> None:
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
         browser.__exit__(None, None, None)
+
+
+COUNTED = """
+window.tones = 0;
+const { start } = OscillatorNode.prototype;
+OscillatorNode.prototype.start = function () { window.tones++; start.call(this); };
+"""
+
+
+def test_a_lost_vehicle_sounds_once_the_page_was_clicked_on() -> None:
+    dive = KnownDive(per_scan=50)
+    with LivePage() as live, browsed(live.address, "window.sonarmap", (800, 700), SOFTWARE, COUNTED) as shown:
+        page = shown.page
+        publish(live, dive, 3)
+        live.publish(dive.state(2, lost=5.0))
+        wait_until(page, "document.querySelector('#facts').textContent.includes('LOST for0:05')")
+        page.click("#side")  # though Playwright's own questions count as clicks, too
+        wait_until(page, "window.tones > 1")
+        page.click("#sound")
+        heard = page.evaluate("window.tones")
+        page.wait_for_timeout(2000)
+        assert page.evaluate("window.tones") == heard
+        page.click("#sound")
+        live.publish(dive.state(2))
+        wait_until(page, "document.body.dataset.status === 'placed'")
+        assert shown.console == []
+
+
+@pytest.mark.slow
+def test_the_camera_turns_with_the_vehicle_until_the_user_moves_it() -> None:
+    heading = "(Math.PI / 180) * 70"  # of the known dive, clockwise from y
+    with LivePage() as live, opened(live) as shown:
+        page = shown.page
+        publish(live, KnownDive(per_scan=300), 8)
+        wait_until(page, f"Math.abs(sonarmap.view.camera.azimuth - {heading}) < 0.01 && !sonarmap.view.waiting")
+        reach = page.evaluate("sonarmap.view.field.far / sonarmap.view.camera.pixel() / sonarmap.view.camera.height")
+        assert 0.4 < reach < 1.2
+        page.focus("#canvas")
+        for name in ("distance", "age", "uncertainty", "height"):
+            page.keyboard.press("c")
+            assert page.input_value("#colored") == name
+        assert page.get_attribute("#follow", "aria-pressed") == "true"
+        page.keyboard.press("ArrowLeft")
+        assert page.get_attribute("#follow", "aria-pressed") == "false"
+        page.keyboard.press("f")
+        assert page.get_attribute("#follow", "aria-pressed") == "true"

@@ -44,7 +44,7 @@ function followPointer(view) {
 }
 
 /** Keys that turn, move and zoom; `more` are the view's own, {key: function}. */
-function followKeys(view, more) {
+function followKeys(view, more = {}) {
   const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   const keys = {
     "+": () => view.camera.zoom(1.2), "=": () => view.camera.zoom(1.2), "-": () => view.camera.zoom(1 / 1.2), Home: () => view.camera.reset(),
