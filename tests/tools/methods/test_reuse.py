@@ -81,7 +81,7 @@ def test_prepared_scans_have_their_own_registrar(calls: list[str]) -> None:
 
 
 def test_after_an_error_no_registrar_is_kept(calls: list[str]) -> None:
-    flat = np.zeros((500, 3)) + np.arange(500)[:, None] * np.array([1.0, 0.0, 0.0])
+    flat = np.zeros((500, 3)) + np.arange(500)[:, None] * np.array([0.1, 0.0, 0.0])
     matrix()
     with pytest.raises(sonarmap.InputError):
         sonarmap.register(flat, flat, edge=32)
