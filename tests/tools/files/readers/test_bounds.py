@@ -111,7 +111,7 @@ def test_las_in_degrees_is_refused_with_its_system(tmp_path: Path, code: int, mo
 @pytest.mark.parametrize("scale", [2000.0, 200.0])
 def test_whole_numbers_are_asked_about(tmp_path: Path, scale: float) -> None:
     np.save(tmp_path / "a.npy", np.round(SEEN * scale).astype(np.int32))
-    refuses("whole numbers.*are these millimeters.*--units mm", read_scans, [tmp_path / "a.npy"])
+    refuses("whole numbers.*are these millimeters.*--units, such as mm", read_scans, [tmp_path / "a.npy"])
     read = read_survey([tmp_path], corrections=Corrections(frame=PointFrame("flu", "mm")))
     np.testing.assert_allclose(read.scans[0].points, SEEN * scale / 1000, atol=6e-4)
     assert read_survey([tmp_path], corrections=Corrections(frame=PointFrame("flu", "m"))).scans

@@ -111,7 +111,7 @@ def test_map_coordinates_are_refused_with_advice(tmp_path, far):
     table = POINTS.astype(np.float64)
     refused(tmp_path, ".npy", npy(table + far), "map coordinates.*subtract the sensor's position")
     table[1, 1] = far
-    refused(tmp_path, ".npy", npy(table), "another unit.*--units mm")
+    refused(tmp_path, ".npy", npy(table), "another unit.*--units, such as mm")
     table[1, 1] = 1e5
     (tmp_path / "near.npy").write_bytes(npy(table))
     assert read_scan(tmp_path / "near.npy").points[1, 1] == 1e5

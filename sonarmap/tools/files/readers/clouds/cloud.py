@@ -250,7 +250,7 @@ def _looks_like(points: np.ndarray) -> str:
             "these look like map coordinates (UTM, or a local grid); give scans in meters in the sensor's own frame: "
             "subtract the sensor's position from the points of each scan"
         )
-    return "are these millimeters, or another unit? Say which with --units"
+    return "are these millimeters, or another unit? Say which with --units, such as mm"
 
 
 def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
