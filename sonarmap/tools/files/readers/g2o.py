@@ -92,8 +92,8 @@ def _stamps(ids: list[int]) -> np.ndarray:
 
 def _named(key: int) -> str:
     """The id as a user knows it: x12 for the symbol of that name."""
-    letter = chr(key >> _SYMBOL)
-    return f"{letter}{key % 2**_SYMBOL}" if letter.isascii() and letter.isalpha() else str(key)
+    letter = chr(key >> _SYMBOL) if 0 <= key < 2**64 else ""
+    return f"{letter}{key % 2**_SYMBOL}" if letter.isascii() and letter.isalpha() else str(key)[:60]
 
 
 def _by_tag(path: Path) -> dict[str, list[Line]]:
