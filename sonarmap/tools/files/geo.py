@@ -35,6 +35,7 @@ EAST = 90.0  # compass heading of an x axis that points East
 _FARTHEST = 200e3  # largest distance from the origin at which a tangent plane still makes a map [m]
 _ITERATIONS = 3  # iterations that find a point's height above the ellipsoid; each divides the error by a million
 WGS84 = 4326
+DEGREE = 111_195.0  # length of a degree of latitude on the mean sphere [m]
 _NORTH, _SOUTH = 32600, 32700  # EPSG codes of UTM zone 0
 _POLES = {True: 5041, False: 5042}  # UPS, easting first
 _HIGHEST, _LOWEST = 84.0, -80.0  # latitudes that UTM covers [deg]

@@ -95,10 +95,8 @@ class _Mapping:
         self._state = State()  # counts of scans, placed scans and alerts
         self._stamp: float | None = None  # of the last scan
         self._track: deque[tuple[float, Placed]] = deque(maxlen=_TRACK)  # the latest placed scans, with their stamps
-        self._held: tuple[bool | None, float] = (
-            None,
-            0.0,
-        )  # whether lost, and since which stamp [s]
+        # whether lost, and since which stamp [s]
+        self._held: tuple[bool | None, float] = (None, 0.0)
         self._last_points = np.zeros((0, 3))  # of the last placed scan [m, sensor frame]
         self._last_sure: tuple[float, Placed] | None = None  # the last scan that was not lost, with its stamp
         self._beside = ThreadPoolExecutor(1, "deciding")

@@ -17,6 +17,7 @@ from sonarmap.spectral.scan import PosePrior
 LARGEST = 1e9  # of a coordinate, a rotation or a standard deviation [m, rad, degrees]
 LARGEST_STAMP = 1e19  # nanoseconds since 1970 are 1.8e18
 LARGEST_INFORMATION = 1e30  # also the largest variance
+MIN_ROWS = 12  # with a measurement, for its usual steps to be known
 LEAST_SIGMA = 1e-9  # smallest standard deviation [m, rad, degrees], and smallest norm of a quaternion
 PRIORS = "priors.csv"  # file that `sonarmap simulate` writes beside its scans
 # In the order of PosePrior's sigmas

@@ -21,7 +21,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo import VERTICALS
+from sonarmap.tools.files.geo import DEGREE, VERTICALS
 from sonarmap.tools.files.time_scales import utc_text
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.formats import HEIGHTS
@@ -174,7 +174,6 @@ _LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
     for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
 }
 _LARGEST, _SMALLEST = 4096, 1024  # edge of a picture [px]: graphics cards shrink larger ones and blur smaller ones
-_DEGREE = 111_195.0  # length of a degree of latitude on the mean sphere [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,10 +277,10 @@ def picture_of(earth: Georeferenced) -> Picture:
     latitude, longitude, _ = earth.points.T
     middle = earth.georeference.longitude
     longitude = middle + (longitude - middle + 180) % 360 - 180  # without the jump at 180 degrees
-    degree = _DEGREE * np.cos(np.radians(np.abs(latitude).min()))  # of longitude [m]
-    extents = np.ptp(latitude) * _DEGREE, np.ptp(longitude) * degree
+    degree = DEGREE * np.cos(np.radians(np.abs(latitude).min()))  # of longitude [m]
+    extents = np.ptp(latitude) * DEGREE, np.ptp(longitude) * degree
     cell = max(earth.cell_m, *(extent / _LARGEST for extent in extents))
-    across, down = cell / degree, cell / _DEGREE
+    across, down = cell / degree, cell / DEGREE
     row = np.floor((90 - latitude) / down).astype(np.int64)
     column = np.floor((longitude + 360) / across).astype(np.int64)
     upper, left = int(row.min()), int(column.min())

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from sonarmap.tools.files.readers.instruments import LARGEST
+from sonarmap.tools.files.readers.instruments import LARGEST, MIN_ROWS
 from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault
 from sonarmap.tools.files.time_scales import YEAR, by_clock, years_apart
 
@@ -25,7 +25,6 @@ _KINDS = {
 }
 _MOST_HELD = 20  # rows in which a logger repeats a measurement
 _FINEST = 0.1  # quantile of the steps, of which two are the resolution
-MIN_ROWS = 12  # of a kind, for its usual steps to be known
 _CANDIDATES = 8  # most distant and most frequent values that may be impossible constants
 _FARTHER = 25.0  # times the usual distance of other values from their running median is an impossible step
 _ALONE = 8.0  # times the 75 % quantile of the speed to the nearer neighbor: alone

@@ -12,7 +12,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.csv_table import index_of, plain_text
 from sonarmap.tools.files.readers.file import FORMATS
-from sonarmap.tools.files.readers.instruments import COLUMNS
+from sonarmap.tools.files.readers.instruments import COLUMNS, MIN_ROWS
 
 # Columns that are measured together, at times of their own.
 SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))
@@ -155,11 +155,11 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
 def refuse_alternating(
     path: Path, times: np.ndarray, places: np.ndarray, lines: np.ndarray, least: float = _LEAST_APART
 ) -> None:
-    """Refuse positions (n, 2) [m] that alternate between those of two receivers, at `least` so far apart [m]; NaN where
-    there is none."""
+    """Raise InputError if positions (n, 2) [m], NaN where not measured, alternate between those of two receivers, which
+    are at least `least` apart [m]."""
     rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(times))
     rows = rows[np.argsort(times[rows], kind="stable")]
-    if len(rows) < 12:
+    if len(rows) < MIN_ROWS:
         return
     own, places = times[rows], places[rows]
     offs = list[float]()

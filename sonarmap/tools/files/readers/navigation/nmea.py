@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo import DEGREE
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF
 from sonarmap.tools.files.readers.navigation.log import (
     MOST_BETWEEN,
@@ -60,7 +61,6 @@ _ASSUMED = "roll and pitch 0.5 degrees, magnetic heading 3 degrees, heading 1 de
 _DAMAGED = "sentences have a wrong checksum or field and are left out"
 _UNCHECKED = "sentences have no checksum, and are read without"
 _UNFIXED = "sentences are without a fix, a heading or a time"
-_DEGREE = 111_195.0  # meters of latitude, on a sphere
 _LEAST_APART, _APART = 2.0, 1.5  # [m, sigmas] between two talkers whose positions alternate
 _CONTRADICTED = 3.0  # [sigmas]: talkers whose median difference is larger are on different vehicles
 
@@ -255,28 +255,9 @@ def _log(path: Path, read: _Sentences, scans: np.ndarray, notes: list[str]) -> N
     lines = np.array([row.line for row in rows], np.int64)
     # a sentence without a time is interpolated by line between those that have one
     times = np.interp(lines, timed[:, 0], _dates(timed, path, scans, notes))
-    values, sigmas = np.array([row.values for row in rows]), np.array([row.sigmas for row in rows])
-    ranks = np.array([list(_FIELDS).index(row.sentence) for row in rows])
-    talkers = np.array([row.talker for row in rows])
-    before = np.isfinite(values[:, 3])
-    is_magnetic = np.array([row.sentence in ("HDG", "HDM") for row in rows])
-    values = _first_ranks(times, is_magnetic, values)
-    of_talkers = {talker: talkers == talker for talker in dict.fromkeys(talkers.tolist())}
-    north = np.cos(np.radians(np.nan_to_num(values[:, 4])))
-    meters = _DEGREE * values[:, 3:5] * np.column_stack([north, np.ones(len(north))])
-    for own in of_talkers.values():
-        values[own] = _first_ranks(times[own], ranks[own], values[own])
-        meters[np.isnan(values[:, 3])] = np.nan
-        refuse_alternating(path, times[own], meters[own], lines[own])
-    logs = {talker: (times[own], values[own], sigmas[own]) for talker, own in of_talkers.items()}
-    _refuse_contradictions(path, logs)
-    values = _first_ranks(times, ranks, values)
-    meters[np.isnan(values[:, 3])] = np.nan
-    if np.isfinite(values[:, 3]).any():
-        least = max(_LEAST_APART, _APART * float(np.nanmedian(sigmas[:, 3])))
-        refuse_alternating(path, times, meters, lines, least)
-    for row in np.flatnonzero(before & np.isnan(values[:, 3])).tolist():
-        read.unused[f"places of {rows[row].sentence}"] += 1
+    values, sigmas = _of_one_vehicle(path, rows, times, lines)
+    for row, value in zip(rows, values, strict=True):
+        read.unused[f"places of {row.sentence}"] += bool(np.isfinite(row.values[3]) and np.isnan(value[3]))
     kept = np.flatnonzero(np.isfinite(values).any(axis=1))
     if unused := _counts(read.unused):
         notes.append(f"{path}: not used: {', '.join(unused)}")
@@ -288,6 +269,33 @@ def _log(path: Path, read: _Sentences, scans: np.ndarray, notes: list[str]) -> N
             values, georeference = local_places(values, True, settings, notes)
     keys = tuple(f"{time:.3f}" for time in times.tolist())
     return NavigationLog("stamp", lines, keys, times, values, sigmas, georeference)
+
+
+def _of_one_vehicle(
+    path: Path, rows: list[_Measurement], times: np.ndarray, lines: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 6) values, each of one sentence at a time, and standard deviations. Refuses those of two receivers or
+    vehicles."""
+    values, sigmas = np.array([row.values for row in rows]), np.array([row.sigmas for row in rows])
+    ranks, talkers = np.array([list(_FIELDS).index(row.sentence) for row in rows]), np.array([m.talker for m in rows])
+    values = _first_ranks(times, np.array([row.sentence in ("HDG", "HDM") for row in rows]), values)
+    logs: dict[str, tuple[np.ndarray, ...]] = {}
+    for talker in dict.fromkeys(talkers.tolist()):
+        own = talkers == talker
+        values[own] = _first_ranks(times[own], ranks[own], values[own])
+        refuse_alternating(path, times[own], _meters(values[own, 3:5], values[own, 4]), lines[own])
+        logs[talker] = times[own], values[own], sigmas[own]
+    _refuse_contradictions(path, logs)
+    values = _first_ranks(times, ranks, values)
+    if np.isfinite(values[:, 3]).any():
+        least = max(_LEAST_APART, _APART * float(np.nanmedian(sigmas[:, 3])))
+        refuse_alternating(path, times, _meters(values[:, 3:5], values[:, 4]), lines, least)
+    return values, sigmas
+
+
+def _meters(degrees: np.ndarray, latitudes: np.ndarray) -> np.ndarray:
+    """(n, 2) East and North [m] of longitudes and latitudes, or differences of these, at `latitudes` (n,) [deg]."""
+    return DEGREE * degrees * np.column_stack([np.cos(np.radians(latitudes)), np.ones(len(latitudes))])
 
 
 def _first_ranks(times: np.ndarray, ranks: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -324,7 +332,7 @@ def _refuse_contradictions(path: Path, logs: Mapping[str, tuple[np.ndarray, ...]
         there, there_sigmas = at_scans(times, *of_a)
         off, sigma = there - values, np.hypot(there_sigmas, sigmas)
         off[:, 2] = (off[:, 2] + 180) % 360 - 180
-        off[:, 3:5] *= _DEGREE * np.column_stack([np.cos(np.radians(values[:, 4])), np.ones(len(off))])
+        off[:, 3:5] = _meters(off[:, 3:5], values[:, 4])
         for columns, what, unit in (([2], "headings", "degrees"), ([3, 4], "positions", "m")):
             apart = np.linalg.norm(off[:, columns], axis=1)
             both = np.isfinite(apart)

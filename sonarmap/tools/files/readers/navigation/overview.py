@@ -18,6 +18,7 @@ from sonarmap.tools.files.readers.instruments import (
     LARGEST,
     LARGEST_OF,
     LEAST_SIGMA,
+    MIN_ROWS,
     PRIOR_SIGMAS,
     SIGMA_COLUMNS,
     check_measured,
@@ -25,7 +26,7 @@ from sonarmap.tools.files.readers.instruments import (
 )
 from sonarmap.tools.files.readers.navigation.columns import MEASURED, PAIRS, Columns, columns_of
 from sonarmap.tools.files.readers.navigation.dvl import is_dvl, read_dvl
-from sonarmap.tools.files.readers.navigation.faults import MIN_ROWS, usable_rows
+from sonarmap.tools.files.readers.navigation.faults import usable_rows
 from sonarmap.tools.files.readers.navigation.headings import QUATERNION, SOURCES, column_of, is_unit
 from sonarmap.tools.files.readers.navigation.log import NavigationLog, RowFault, at_scans, refuse_alternating
 from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea

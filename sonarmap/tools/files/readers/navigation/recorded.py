@@ -37,6 +37,7 @@ from sonarmap.tools.files.readers.navigation.settings import (
     DOWN_FRAMES,
     OF_NMEA,
     OF_TABLES,
+    UNKNOWN_TILT,
     NavigationSettings,
     local_places,
 )
@@ -49,7 +50,6 @@ _AIR, _SEA_WATER = 101_325.0, 1025.0  # [Pa], [kg/m^3]
 _PRESSURES = (6e4, 1.2e8)  # possible absolute pressures, from a mountain lake to the deepest sea [Pa]
 _AROUND = 0.5  # [s], before and after a scan, in which accelerations are averaged
 _UNMEASURED = np.array([180.0] * 3 + [1e4] * 3)  # [deg, m]: drivers write such deviations for what is not measured
-_UNKNOWN_TILT = 0.2  # [rad], standard deviation of a tilt that was not measured
 
 
 def recorded_turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -248,7 +248,7 @@ class _Reader:
             lever = attitude(np.clip(times, attitude.times[0], attitude.times[-1])).apply(lever)
         else:
             flat = float(np.hypot(lever[0], lever[1]))
-            deviations[:, 3:] = np.hypot(deviations[:, 3:], [flat, flat, _UNKNOWN_TILT * flat])
+            deviations[:, 3:] = np.hypot(deviations[:, 3:], [flat, flat, UNKNOWN_TILT * flat])
             lever = lever * [0, 0, 1]
         values[:, 3:] -= lever * [1.0, 1.0, -1.0]
         return times, values, deviations

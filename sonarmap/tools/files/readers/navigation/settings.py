@@ -14,7 +14,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.geo import EAST, Georeference, Projection, on_the_earth
+from sonarmap.tools.files.geo import DEGREE, EAST, Georeference, Projection, on_the_earth
+from sonarmap.tools.files.readers.instruments import MIN_ROWS
 from sonarmap.tools.files.readers.navigation.headings import QUANTITIES
 from sonarmap.tools.files.time_scales import TIME_SCALES, TimeScale
 
@@ -29,12 +30,11 @@ HEADING_REFERENCES = ("true", "grid")
 _MAX_OFFSET = 1e10  # [s], more than 300 years
 _NOTHING: MappingProxyType[str, str] = MappingProxyType({})
 _NO_SIGMAS: Mapping[str, float] = MappingProxyType({})
-_UNKNOWN_TILT = 0.2  # [rad], standard deviation of roll and pitch that were not measured
+UNKNOWN_TILT = 0.2  # [rad], standard deviation of roll and pitch that were not measured
 _MAX_MOUNT_TILT = 30.0  # [deg], of a mount on a vehicle without measured roll and pitch
 _FRD_TO_FLU = np.array([1.0, -1.0, -1.0])  # forward, right, down to forward, left, up, and back
-_DEGREE = 111_195.0  # [m] of latitude, on a sphere
 _FAR = 1.0  # [deg]: positions farther from the median are not of the survey
-_CONSTANTS, _LEAST_ROWS = 4, 12  # different positions that are, and rows from which on it is known
+_CONSTANTS = 4  # most different positions that are none of the survey
 _ROUNDED = 5  # decimals of the origin's degrees, about a meter
 
 
@@ -67,7 +67,7 @@ class Mount:
         R, arm = vehicle.T_world_sensor.rotation, self.T_vehicle_sensor.translation
         lever = R.apply(arm)
         flat, length = float(np.hypot(lever[0], lever[1])), float(np.linalg.norm(lever))
-        tilt = float(vehicle.sigmas[:2].max()) if vehicle.knows_attitude else _UNKNOWN_TILT
+        tilt = float(vehicle.sigmas[:2].max()) if vehicle.knows_attitude else UNKNOWN_TILT
         sigmas, place = vehicle.sigmas.copy(), T_world_sensor.translation.copy()
         sigmas[3:5] = np.hypot(sigmas[3:5], abs(float(lever[2])) * tilt)
         sigmas[5] = np.hypot(sigmas[5], flat * tilt)
@@ -214,10 +214,10 @@ def _without_fix(places: np.ndarray, are_degrees: bool, notes: list[str]) -> np.
     unset = (places == 0).all(axis=1) & are_degrees
     if unset.any():
         notes.append(f"{unset.sum()} rows are at 0, 0, as without a fix; these positions are left out")
-    if (~unset).sum() < _LEAST_ROWS:
+    if (~unset).sum() < MIN_ROWS:
         return unset
     off = places - np.median(places[~unset], axis=0)
-    off = (off + 180) % 360 - 180 if are_degrees else off / _DEGREE
+    off = (off + 180) % 360 - 180 if are_degrees else off / DEGREE
     far = (np.abs(off) > _FAR).any(axis=1) & ~unset
     constants, counts = np.unique(places[far], axis=0, return_counts=True)
     if len(constants) > _CONSTANTS or far.mean() > 0.5:
