@@ -128,6 +128,12 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "icp-plane": Method(
             "ICP point to plane from the identity (Open3D)", _OfLab("icp:IcpRegistrar", "plane"), _POINT_SOURCES
         ),
+        "gicp": Method(
+            "generalized ICP from the identity (small_gicp)",
+            _OfLab("icp:GicpRegistrar"),
+            _POINT_SOURCES,
+            package="small-gicp",
+        ),
         "fpfh-ransac": Method(
             "FPFH features, RANSAC, then ICP (Open3D)",
             _OfLab("features:FeatureRegistrar", seeded=True),

@@ -1,12 +1,14 @@
 """Iterative closest point from the identity (paper Sect. 4.2): Open3D's point to point (Besl and McKay 1992, DOI
-10.1109/34.121791) and point to plane (Chen and Medioni 1992, DOI 10.1016/0262-8856(92)90066-C)."""
+10.1109/34.121791) and point to plane (Chen and Medioni 1992, DOI 10.1016/0262-8856(92)90066-C), and small_gicp's
+generalized ICP (Segal, Haehnel and Thrun 2009, DOI 10.15607/RSS.2009.V.021)."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.tools.extras import load_package
 from sonarmap.tools.lab.baselines.points import (
     MethodVerdict,
     PointRegistrar,
@@ -55,3 +57,27 @@ def iterate(
         for distance in distances:
             T = np.asarray(icp.registration_icp(moving, fixed, distance, T, estimation, criteria).transformation)
     return RigidTransform.from_matrix(T)
+
+
+class GicpRegistrar(PointRegistrar):
+    """small_gicp's generalized ICP from the identity. Raises InputError: the package is not installed."""
+
+    def __init__(self, voxel: float) -> None:
+        super().__init__(voxel)
+        self._gicp = load_package("small_gicp", "small-gicp", "the method gicp", "peers")
+
+    def describe(self, cloud: ThinnedCloud) -> Any:
+        """The points with covariances of their neighborhoods, and their tree."""
+        points = self._gicp.PointCloud(cloud.points)
+        tree = self._gicp.KdTree(points)
+        self._gicp.estimate_covariances(points, tree)
+        return points, tree
+
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+        """Registration from the identity, accepted by the share of points in common."""
+        (fixed, tree), (moving, _), T = target.extra, source.extra, np.eye(4)
+        for distance in DISTANCES:
+            reach = self.voxel * distance
+            T = self._gicp.align(fixed, moving, tree, T, max_correspondence_distance=reach).T_target_source
+        found = RigidTransform.from_matrix(T)
+        return found, judge_fit(target, source, found, self.voxel)

@@ -12,7 +12,7 @@ from sonarmap.tools.lab.reproduce.experiments import Request, Value
 from sonarmap.tools.methods.registry import Setup, find_method, is_installed
 
 OURS = "spectral"
-EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "icp", "icp-plane")
+EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "icp", "icp-plane", "gicp")
 EXTENT = 256.0  # edge of the paper's grid [m]
 PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 # Code that affects the rows of experiments on simulated pairs, beside that of the methods

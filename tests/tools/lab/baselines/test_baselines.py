@@ -16,7 +16,7 @@ from sonarmap.tools.lab.simulate.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.methods.registry import METHODS, build
 
-POINTS = ("icp", "icp-plane", "fpfh-ransac", "kiss")
+POINTS = ("icp", "icp-plane", "gicp", "fpfh-ransac", "kiss")
 ANYWHERE = ("fpfh-ransac", "kiss")
 GRID = Grid(128, 2.0)
 # p_target = T p_source: a small motion, all numbers different
