@@ -25,8 +25,13 @@ def thread_count() -> int:
 
 
 def share_cores(processes: int) -> None:
-    """Limit this process, one of `processes` that run at the same time, and its libraries to its share of the cores."""
-    os.environ.setdefault(VARIABLE, str(max(1, _cores() // processes)))
+    """Limit this process, one of `processes` that run at the same time, and its libraries to its share of the threads
+    of their parent, whose environment it has."""
+    whole = thread_count()
+    os.environ[VARIABLE] = share = str(max(1, whole // processes))
+    for name in _OF_LIBRARIES:
+        if os.environ.get(name) == str(whole):  # as `limit_libraries` set it in the parent
+            os.environ[name] = share
     limit_libraries()
 
 

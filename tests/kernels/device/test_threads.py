@@ -38,6 +38,15 @@ def test_processes_share_the_cores(cores: int, monkeypatch: pytest.MonkeyPatch, 
     del os.environ["SONARMAP_THREADS"]
 
 
+def test_processes_share_what_their_parent_may_use(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes inherit the environment of a parent that has loaded its libraries."""
+    monkeypatch.setenv("SONARMAP_THREADS", "6")
+    limit_libraries()
+    share_cores(3)
+    assert thread_count() == 2
+    assert [os.environ.pop(name) for name in LIBRARIES] == ["2"] * 4
+
+
 @pytest.mark.parametrize("text", ["0", "two"])
 def test_invalid_thread_count_is_refused(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("SONARMAP_THREADS", text)
