@@ -1,7 +1,8 @@
 // What was received of the dive; the twin of messages.py. Nothing here draws.
 
 const SAMPLES = 64; // points of a cloud that its extent and the colors are taken from
-const STEPS = 20000; // samples of all clouds at most
+const STEPS = 8000; // samples of all clouds at most
+const RIM_SAMPLES = 600; // of the last scan, that its range and its angles are taken from
 
 class Dive {
   constructor() {
@@ -9,7 +10,8 @@ class Dive {
     this.poses = []; // of key scans: {part, place [m], turn: quaternion x, y, z, w, sigma: of the place [m]}
     this.clouds = new Map(); // {key scan: {key, quantum [m], places: Int16Array of x, y, z [quanta], count}}
     this.loops = [];
-    this.coverage = new Map(); // {part: {corner [m], size [m], legend, picture}}
+    this.coverage = new Map(); // {part: {corner [m], size [m], legend, picture, holes: [[x, y], ...] [m]}}
+    this.making = ""; // how far the final map is, in words
     this.last = null; // the last scan, as a cloud
   }
 
@@ -21,7 +23,8 @@ class Dive {
     else if (content.kind === "state") this.state = content;
     else if (content.kind === "loops") this.loops = content.pairs;
     else if (content.kind === "coverage") this.coverage.set(content.part, content);
-    else content.poses.forEach(([part, sigma, x, y, z, ...turn], k) =>
+    else if (content.kind === "making") this.making = content.words;
+    else content.poses?.forEach(([part, sigma, x, y, z, ...turn], k) =>
       (this.poses[content.first + k] = { part, place: [x, y, z], turn, sigma }));
     return { kind: content.kind };
   }
@@ -34,12 +37,6 @@ class Dive {
     return { kind: "cloud", cloud };
   }
 
-  /** A place in a key scan's frame [m], in the frame of its part. */
-  placed(key, place) {
-    const pose = this.poses[key];
-    return sum(turned(pose.turn, place), pose.place);
-  }
-
   isIn(part, key) {
     return this.poses[key]?.part === part;
   }
@@ -50,14 +47,18 @@ class Dive {
 
   /** Point k of a cloud, in the frame of its part [m]. */
   pointOf({ key, quantum, places }, k) {
-    return this.placed(key, [0, 1, 2].map((axis) => quantum * places[3 * k + axis]));
+    return fromSensor(this.poses[key], [0, 1, 2].map((axis) => quantum * places[3 * k + axis]));
   }
 
-  /** Points of this part, about evenly chosen, in its frame [m]. */
+  /** Points of a cloud, evenly chosen, in the frame of its part [m]. */
+  samplesOf(cloud, most) {
+    const count = Math.min(most, cloud.count);
+    return Array.from({ length: count }, (_, k) => this.pointOf(cloud, Math.floor((k * cloud.count) / count)));
+  }
+
   samples(part) {
     const clouds = this.cloudsIn(part), each = Math.max(4, Math.min(SAMPLES, Math.floor(STEPS / (clouds.length || 1))));
-    return clouds.flatMap((cloud) => Array.from({ length: Math.min(each, cloud.count) }, (_, k) =>
-      this.pointOf(cloud, Math.floor((k * cloud.count) / Math.min(each, cloud.count)))));
+    return clouds.flatMap((cloud) => this.samplesOf(cloud, each));
   }
 
   /** Lines between these pairs of key scans, of those that are in this part. */
@@ -94,18 +95,18 @@ class LiveView extends MapView {
 
   /** Show what a message changed; all that there is after `reset`. */
   show({ kind, cloud }) {
-    if (kind === "reset") this.scene.forgetPoints();
+    if (kind === "reset") this.scene.clouds.clear();
     if (cloud) this.scene.showPoints(kind === "last" ? "last" : `${cloud.key}`, cloud);
     if (["last", "state"].includes(kind)) this.measureField();
-    if (!["last", "coverage"].includes(kind)) this.refreshing ??= setTimeout(() => this.refresh(), this.frames ? REFRESH : 0);
+    const stays = kind === "state" ? this.part.number === (this.chosen ?? this.dive.state.part) : ["last", "coverage"].includes(kind);
+    if (!stays) this.refreshing ??= setTimeout(() => this.refresh(), this.frames ? REFRESH : 0);
     this.request();
   }
 
   measureField() {
     const { last } = this.dive, { vehicle } = this.seen();
     if (!vehicle || !last?.count || !this.dive.isIn(this.part.number, last.key)) return;
-    const track = { places: [vehicle.place], turns: [vehicle.turn] };
-    const own = Array.from({ length: last.count }, (_, k) => toSensor(track, 0, this.dive.pointOf(last, k)));
+    const own = this.dive.samplesOf(last, RIM_SAMPLES).map((place) => toSensor(vehicle, place));
     const rim = [(1 - MOST) / 2, (1 + MOST) / 2];
     this.field = {
       far: Math.max(1, ...quantiles(own.map(lengthOf), NEARLY_ALL)),
@@ -134,9 +135,10 @@ class LiveView extends MapView {
     const { dive } = this, number = (this.part.number = this.chosen ?? dive.state.part), samples = dive.samples(number);
     let heights = [0, 1];
     if (samples.length) {
-      const corners = (...shares) => shares.map((share) => [0, 1, 2].map((axis) => quantiles(samples.map((place) => place[axis]), share)[0]));
-      this.camera.cover(corners(0, 1), corners(0.01, 0.99));
-      heights = corners(0.03, 0.97).map((corner) => corner[2]);
+      const axes = [0, 1, 2].map((axis) => quantiles(samples.map((place) => place[axis]), 0, 1, 0.01, 0.99, 0.03, 0.97));
+      const corner = (k) => axes.map((values) => values[k]);
+      this.camera.cover([corner(0), corner(1)], [corner(2), corner(3)]);
+      heights = axes[2].slice(4);
     }
     this.colorings = this.coloringsBetween(heights, dive.cloudsIn(number).map(({ key }) => key));
     this.scene.showLines("track", dive.trackPieces(number), LINES.track);
@@ -201,13 +203,11 @@ class LiveView extends MapView {
   look() {
     if (this.follow) this.followVehicle(performance.now());
     const { dive, part: { number } } = this, { last } = dive, { ends, of } = this.colorings[this.colored];
-    const cloudOf = (name, { key, count }, more) => {
-      const { place: origin, turn } = dive.poses[key];
-      return { name, tiles: [{ start: 0, count, origin, turn }], ...more };
-    };
+    const tileOf = ({ key, count }) => ({ start: 0, count, origin: dive.poses[key].place, turn: dive.poses[key].turn });
     const texelOf = (key) => clamped((254 * (of(key) - ends[0])) / (ends[1] - ends[0] || 1));
-    const clouds = dive.cloudsIn(number).map((cloud) => cloudOf(`${cloud.key}`, cloud, of && { texel: texelOf(cloud.key) }));
-    if (last && dive.isIn(number, last.key)) clouds.push(cloudOf("last", last, { texel: LAST_TEXEL, larger: 0.7, step: 1 }));
+    const clouds = dive.cloudsIn(number).map((cloud) =>
+      ({ name: `${cloud.key}`, tiles: [tileOf(cloud)], texel: of ? texelOf(cloud.key) : BY_HEIGHT }));
+    if (last && dive.isIn(number, last.key)) clouds.push({ name: "last", tiles: [tileOf(last)], texel: LAST_TEXEL, larger: 0.7, step: 1 });
     const from = this.colored === "distance" ? this.seen().vehicle?.place : null;
     return { clouds, voxel: WIDE * this.field.far, range: ends, from, labels: this.showVehicle() };
   }

@@ -58,7 +58,7 @@ class TrueDive:
 
 LOOK = """() => {
     const { view } = sonarmap, { gl } = view.scene, { camera, field } = view, { vehicle } = view.seen();
-    view.still = true;
+    view.budget = Infinity;
     view.draw(performance.now());
     const pixels = new Uint8Array(4 * gl.canvas.width * gl.canvas.height), ground = view.ground();
     gl.readPixels(0, 0, gl.canvas.width, gl.canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);

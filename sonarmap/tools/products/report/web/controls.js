@@ -117,7 +117,7 @@ function pointList(view, content, { point, place }) {
   const value = (name, unit) => (columns[name]?.[point] ? short(valueOf(columns[name][point], scales[name]), unit) : "");
   const several = new Set(content.surveys).size > 1;
   const { track } = view.part, scan = columns.scan[point];
-  const inScan = toSensor(track, track.scans.indexOf(scan), place).map((x) => meters(x, view.points.quantum)).join(", ");
+  const inScan = toSensor(poseOf(track, track.scans.indexOf(scan)), place).map((x) => meters(x, view.points.quantum)).join(", ");
   return list("Point", [
     ...placeRows(view, place, view.points.quantum),
     ["standard deviation", value("sigma", "m")],

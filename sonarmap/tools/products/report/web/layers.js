@@ -42,11 +42,8 @@ function ellipsoidPieces(track, factor) {
   return pieces;
 }
 
-/** The factor of 1, 10, 100 that makes ellipsoids visible but not large in a map of this reach [m]. */
-function fittingFactor(track, reach) {
-  const [typical] = quantiles(track.half_axes.map((axes) => CONFIDENCE * Math.max(...axes.map(lengthOf))), 0.5);
-  return [100, 10].find((factor) => factor * typical < 0.012 * reach) ?? 1;
-}
+/** The largest of 1000, 100 and 10 by which a length [m] stays below another, or else 1. */
+const enlargement = (length, most) => [1000, 100, 10].find((factor) => factor * length < most) ?? 1;
 
 /** The loops and other pairs within a part of the map, each with the places of its scans. */
 function pairsOf(part, pairs) {
@@ -66,7 +63,7 @@ function controlOf(part, content) {
   return content.control_points
     .filter((row) => index.has(row.scan) && (row.counted || row.left_out)) // where the part lies in the world
     .map((row) => {
-      const place = fromSensor(part.track, index.get(row.scan), row.point);
+      const place = fromSensor(poseOf(part.track, index.get(row.scan)), row.point);
       return { name: row.name, known: minus(place, row.residual), row };
     });
 }
@@ -78,12 +75,6 @@ const crosses = (places, arm) => places.flatMap((place) =>
 /** A line from each known place toward where the map has it, lengthened by a factor. */
 const residualPieces = (points, factor) => points.map(({ known, row }) => [known, sum(known, row.residual, factor)]);
 
-/** The factor of 1, 10, 100, 1000 that makes the largest residual visible but not large in a map of this reach [m]. */
-function fittingExaggeration(points, reach) {
-  const largest = Math.max(0, ...points.map(({ row }) => lengthOf(row.residual)));
-  return [1000, 100, 10].find((factor) => factor * largest < 0.1 * reach) ?? 1;
-}
-
 /** A vector turned by a quaternion x, y, z, w. */
 function turned([x, y, z, w], v) {
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -91,9 +82,7 @@ function turned([x, y, z, w], v) {
   return sum(sum(v, t, w), cross([x, y, z], t));
 }
 
-/** A place [m] of pose k's sensor frame in the part's frame, and back. */
-const fromSensor = (track, k, place) => sum(turned(track.turns[k], place), track.places[k]);
-function toSensor(track, k, place) {
-  const [x, y, z, w] = track.turns[k];
-  return turned([-x, -y, -z, w], minus(place, track.places[k]));
-}
+/** A place [m] of the frame of a pose {place, turn} in the part's frame, and back. */
+const fromSensor = (pose, place) => sum(turned(pose.turn, place), pose.place);
+const toSensor = ({ place: origin, turn: [x, y, z, w] }, place) => turned([-x, -y, -z, w], minus(place, origin));
+const poseOf = ({ places, turns }, k) => ({ place: places[k], turn: turns[k] });

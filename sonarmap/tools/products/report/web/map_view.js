@@ -1,14 +1,16 @@
-// What the report and the live page share: a scene under a camera. It is drawn when something changed, and with fewer points
-// where a frame takes long.
+// What the report and the live page share: a scene under a camera. While something changes, a frame draws as many points and
+// pixels as it has time for; once nothing does, the rest of them is drawn over some frames, and then nothing more.
 
-const [SLOW, QUICK] = [80, 20]; // frames [ms] after which fewer points are drawn, and more
-const FEWEST = 32; // every how many points a slow machine draws at most: WebGL allows no wider steps
-const STILL = 1000, STEADY = 30; // without a change for so long all points are drawn [ms]; quick frames before more are [frames]
+const [SLOW, QUICK] = [36, 20]; // frames [ms] after which fewer points are drawn, and more
+const [LEAST_BUDGET, FIRST_BUDGET, MOST_BUDGET] = [15, 19, 22].map((power) => 2 ** power); // points of a frame: at least, at first, at most
+const PIXELS = 8; // of a frame, for each of its points
+const MOST_SLICES = 42; // WebGL allows no wider steps from a point to the next
+const STILL = 400, STEADY = 30; // without a change for so long all points are drawn [ms]; quick frames before more are [frames]
 
 class MapView {
   /** In `stage`. Its own are `part`: {axes}, null while there is nothing to draw; `look`: what a scene draws, and {labels}; and `click`. */
   constructor(stage) {
-    Object.assign(this, { stage, part: null, frames: 0, step: 1, quick: 0 });
+    Object.assign(this, { stage, part: null, frames: 0, budget: FIRST_BUDGET, quick: 0 });
     this.canvas = make("canvas", { id: "canvas", tabindex: 0, role: "application", "aria-label": "Map in 3D", "aria-describedby": "keys" });
     stage.prepend(this.canvas, make("svg", { id: "compass", width: 84, height: 84, viewBox: "-42 -42 84 84", "aria-hidden": "true" }),
       make("div", { id: "bar", "aria-hidden": "true" }, make("span")), make("div", { id: "labels", "aria-hidden": "true" }));
@@ -20,29 +22,41 @@ class MapView {
     followPointer(this);
   }
 
+  /** Ask for a frame, as something changed. */
   request() {
+    clearTimeout(this.resting);
+    cancelAnimationFrame(this.completing);
     this.waiting ??= requestAnimationFrame((now) => this.draw(now));
   }
 
   draw(now) {
     this.waiting = null;
     if (!this.part) return;
-    clearTimeout(this.resting);
-    const { camera, heights, scene } = this, step = this.still ? 1 : this.step;
-    this.still = false;
-    if (step > 1) this.resting = setTimeout(() => ((this.still = true), this.request()), STILL);
-    const look = this.look();
-    scene.draw(camera, { ground: this.ground(), heights, step, ...look });
-    putLabels(this, look.labels);
-    this.frames++;
-    if (step === this.step) requestAnimationFrame((next) => this.fit(next - now)); // which comes when this one is drawn
+    const { camera, heights, scene } = this, { labels, ...own } = this.look(), ratio = Math.min(2, window.devicePixelRatio || 1);
+    const count = own.clouds.flatMap(({ tiles }) => tiles).reduce((points, tile) => points + tile.count, 0);
+    const step = Math.min(MOST_SLICES, Math.ceil(count / this.budget) || 1);
+    const share = Math.min(1, Math.sqrt((PIXELS * this.budget) / (camera.width * camera.height * ratio ** 2)));
+    const look = { ground: this.ground(), heights, step, ratio, ...own }, fast = { ...look, alone: true, ratio: share * ratio };
+    scene.gather(camera, fast, 0);
+    scene.show(camera, fast);
+    putLabels(this, labels);
+    [this.frames, this.drawn] = [this.frames + 1, now];
+    if (step > 1 || share < 1) this.resting = setTimeout(() => this.complete(look, 0), STILL);
+    requestAnimationFrame((next) => (this.waiting || this.drawn === next) && this.fit(next - now)); // of a movement
+  }
+
+  /** Draw all points, a slice a frame; the last one shows them. */
+  complete(look, slice) {
+    this.scene.gather(this.camera, look, slice);
+    if (slice + 1 < look.step) this.completing = requestAnimationFrame(() => this.complete(look, slice + 1));
+    else this.scene.show(this.camera, look);
   }
 
   /** Draw fewer points where a frame takes long, and more again where many were quick. */
   fit(took) {
     this.quick = took < QUICK ? this.quick + 1 : 0;
-    if (took > SLOW) this.step = Math.min(FEWEST, 2 * this.step);
-    else if (this.quick > STEADY) [this.step, this.quick] = [Math.max(1, this.step / 2), 0];
+    if (took > SLOW) this.budget = Math.max(LEAST_BUDGET, this.budget / 2);
+    else if (this.quick > STEADY) [this.budget, this.quick] = [Math.min(MOST_BUDGET, 2 * this.budget), 0];
   }
 
   ground() {
@@ -50,9 +64,8 @@ class MapView {
   }
 
   resize() {
-    const { clientWidth: width, clientHeight: height } = this.stage, ratio = Math.min(2, window.devicePixelRatio || 1);
+    const { clientWidth: width, clientHeight: height } = this.stage;
     if (!width || !height) return;
-    [this.canvas.width, this.canvas.height] = [width * ratio, height * ratio].map(Math.round);
     [this.camera.width, this.camera.height] = [width, height];
     this.request();
   }

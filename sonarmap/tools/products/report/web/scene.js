@@ -58,8 +58,8 @@ void main() {
 
 // A piece of a line as a rectangle, of which each corner has both ends: WebGL's own lines are one pixel wide.
 const LINE_VERTEX = `#version 300 es
-in vec3 begin;
-in vec3 end;
+layout(location = 0) in vec3 begin;
+layout(location = 1) in vec3 end;
 uniform mat4 clip_from_target;
 uniform vec3 offset;        // of the lines' frame, less the target [m]
 uniform vec2 size;          // of the picture [pixels of the card]
@@ -98,7 +98,7 @@ void main() {
 // What is drawn, by WebGL2: points of tiles, and lines of several kinds.
 
 const BYTES = 6; // of a point: x, y and z, two each
-const [PLACE, TEXEL] = [0, 1]; // attributes of POINT_VERTEX
+const [PLACE, TEXEL] = [0, 1], [BEGIN, END] = [0, 1]; // attributes of POINT_VERTEX, and of LINE_VERTEX
 const BY_HEIGHT = -1; // texel of a point that has the color of its height
 const GROWTH = 0.3; // of points of which fewer are drawn: by 0.5 they would cover as much
 const SQUARES = [1.5, 24]; // smallest and largest edge of a point [pixels]
@@ -112,8 +112,8 @@ class Scene {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("WebGL2 is not to be had; this browser, or this machine's graphics driver, does not offer it");
     this.gl = gl;
-    this.clouds = new Map(); // {name: {points, buffer, colors: buffer or null, array}}
-    this.lines = new Map(); // {name: {count, offset, array, buffer, and its style}}
+    this.clouds = new Map(); // {name: {points, buffer, colors: buffer or null}}
+    this.lines = new Map(); // {name: {count, offset, buffer, and its style}}
     this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
     this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);
     this.shadeProgram = this.program(SHADE_VERTEX, SHADE_FRAGMENT);
@@ -140,27 +140,24 @@ class Scene {
     return { program, uniforms: Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)])) };
   }
 
+  /** A buffer of the card with these numbers: the old one, if there is one. */
+  bufferOf(numbers, old) {
+    const { gl } = this, buffer = old ?? gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
+    return buffer;
+  }
+
   /** Show points {places: x, y, z of each [quanta], quantum [m]} under a name, in place of those that it had; their colors are set anew. */
   showPoints(name, points) {
-    const { gl } = this, cloud = this.clouds.get(name) ?? { buffer: gl.createBuffer(), array: gl.createVertexArray(), colors: null };
-    this.clouds.set(name, { ...cloud, points });
-    gl.bindBuffer(gl.ARRAY_BUFFER, cloud.buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, points.places, gl.STATIC_DRAW);
+    const old = this.clouds.get(name);
+    this.clouds.set(name, { ...old, points, buffer: this.bufferOf(points.places, old?.buffer) });
   }
 
   /** Color the points of a name by these texels (Uint8Array), or null: by their heights. */
   colorPoints(name, texels) {
-    const { gl } = this, cloud = this.clouds.get(name);
-    if (cloud.colors) gl.deleteBuffer(cloud.colors);
-    cloud.colors = texels && gl.createBuffer();
-    if (!texels) return;
-    gl.bindBuffer(gl.ARRAY_BUFFER, cloud.colors);
-    gl.bufferData(gl.ARRAY_BUFFER, texels, gl.STATIC_DRAW);
-  }
-
-  forgetPoints() {
-    for (const { buffer } of this.clouds.values()) this.gl.deleteBuffer(buffer);
-    this.clouds.clear();
+    const cloud = this.clouds.get(name);
+    cloud.colors = texels && this.bufferOf(texels, cloud.colors);
   }
 
   /** Fill a texture with texels, or with nothing yet, that are taken as they are. */
@@ -173,58 +170,47 @@ class Scene {
 
   /** Lines [[begin, end], ...] [m] under a name: {color: [r, g, b] 0 to 1, width and dash [pixels], hidden: opacity behind points}. */
   showLines(name, pieces, style) {
-    const { gl } = this, old = this.lines.get(name), offset = pieces.length ? pieces[0][0] : [0, 0, 0];
+    const offset = pieces.length ? pieces[0][0] : [0, 0, 0];
     const numbers = new Float32Array(36 * pieces.length); // both ends at each corner of two triangles: far faster than instances
     pieces.forEach((ends, k) => {
       const both = ends.flatMap((end) => minus(end, offset));
       for (let corner = 0; corner < 6; corner++) numbers.set(both, 36 * k + 6 * corner);
     });
-    const array = old?.array ?? gl.createVertexArray(), buffer = old?.buffer ?? gl.createBuffer();
-    gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
-    ["begin", "end"].forEach((attribute, e) => {
-      const at = gl.getAttribLocation(this.lineProgram.program, attribute);
-      gl.enableVertexAttribArray(at);
-      gl.vertexAttribPointer(at, 3, gl.FLOAT, false, 24, 12 * e);
-    });
-    gl.bindVertexArray(null);
-    this.lines.set(name, { count: pieces.length, offset, array, buffer, ...style });
+    this.lines.set(name, { count: pieces.length, offset, buffer: this.bufferOf(numbers, this.lines.get(name)?.buffer), ...style });
   }
 
   /**
-   * Draw a frame: {ground: [r, g, b] 0 to 1, clouds: those to draw, voxel: its edge [m], step: 1 for all points, 3 for every
-   * third, heights: the lowest and the highest that are shown [m], range: heights at the ends of the palette [m], or distances
-   * from the place `from`}.
+   * Add a slice of the points to the picture, which begins anew with slice 0: {ground: [r, g, b] 0 to 1, clouds: those to draw,
+   * voxel: its edge [m], step: number of slices that hold all points, alone: whether only one is drawn, ratio: pixels of the picture
+   * to one of the page, heights: the lowest and the highest that are shown [m], range: heights at the ends of the palette [m], or
+   * distances from the place `from`}.
    */
-  draw(camera, look) {
-    const { gl } = this, ratio = gl.canvas.height / camera.height, matrix = camera.matrix();
-    this.drawTo(this.frame);
-    gl.clearColor(...look.ground, 1);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    this.drawClouds(camera, matrix, look, ratio);
-    this.drawTo(null);
-    this.shade(camera, ratio);
-    for (const lines of this.lines.values()) if (lines.count) this.drawLines(lines, camera, matrix, ratio);
-  }
-
-  /** Draw into the textures of colors and depths, which are made for a picture of this size, or to the canvas. */
-  drawTo(frame) {
-    const { gl } = this, { width, height } = gl.canvas;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    gl.viewport(0, 0, width, height);
-    if (!frame || (this.size?.[0] === width && this.size[1] === height)) return;
-    this.size = [width, height];
-    for (const [texture, inside, format, type, attachment] of [
-      [this.colors, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.COLOR_ATTACHMENT0],
-      [this.depths, gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT, gl.DEPTH_ATTACHMENT],
-    ]) {
-      this.fill(texture, inside, width, height, format, type, null);
-      gl.framebufferTexture2D(gl.FRAMEBUFFER, attachment, gl.TEXTURE_2D, texture, 0);
+  gather(camera, look, slice) {
+    const { gl } = this, size = [camera.width, camera.height].map((edge) => Math.round(edge * look.ratio));
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+    if (`${size}` !== `${this.size}`) {
+      this.fill(this.colors, gl.RGBA8, ...size, gl.RGBA, gl.UNSIGNED_BYTE, null);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.colors, 0);
+      this.fill(this.depths, gl.DEPTH_COMPONENT24, ...size, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT, null);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.depths, 0);
+      this.size = size;
     }
+    gl.viewport(0, 0, ...size);
+    gl.clearColor(...look.ground, 1);
+    if (slice === 0) gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    this.drawClouds(camera, look, slice);
   }
 
-  /** Bring what is in the textures to the canvas, its depths too, shaded. */
+  /** Bring the picture to the canvas, its depths too, shaded and with the lines. */
+  show(camera, { ratio }) {
+    const { gl, size: [width, height] } = this;
+    if (gl.canvas.width !== width || gl.canvas.height !== height) Object.assign(gl.canvas, { width, height });
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, width, height);
+    this.shade(camera, ratio);
+    for (const lines of this.lines.values()) if (lines.count) this.drawLines(lines, camera, ratio);
+  }
+
   shade(camera, ratio) {
     const { gl } = this, { program, uniforms } = this.shadeProgram;
     gl.useProgram(program);
@@ -242,17 +228,16 @@ class Scene {
     gl.depthFunc(gl.LEQUAL);
   }
 
-  drawClouds(camera, matrix, look, ratio) {
+  drawClouds(camera, look, slice) {
     const { gl } = this, { program, uniforms } = this.pointProgram;
     const lessTarget = (heights) => heights.map((height) => Math.max(-FAR, Math.min(FAR, height - camera.target[2])));
     gl.useProgram(program);
-    gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
+    gl.uniformMatrix4fv(uniforms.clip_from_target, false, camera.matrix());
     gl.uniform2fv(uniforms.heights, lessTarget(look.heights));
     gl.uniform2fv(uniforms.range, look.from ? look.range : lessTarget(look.range));
     gl.uniform4f(uniforms.from, ...(look.from ? [...minus(look.from, camera.target), 1] : [0, 0, 0, 0]));
     gl.bindTexture(gl.TEXTURE_2D, this.palette);
-    for (const cloud of look.clouds) this.drawCloud(cloud, camera, look, ratio);
-    gl.bindVertexArray(null);
+    for (const cloud of look.clouds) this.drawCloud(cloud, camera, look, slice);
   }
 
   /** Edge of a point's square at a distance of 1 m [pixels]. */
@@ -260,15 +245,14 @@ class Scene {
     return (voxel * camera.height) / (2 * Math.tan(FIELD / 2));
   }
 
-  /** Draw the tiles [{start, count, origin [m], turn}] of a name; `texel` of points without own colors, `larger` by a factor. */
-  drawCloud({ name, tiles, texel = BY_HEIGHT, larger = 1, step }, camera, look, ratio) {
-    const { gl } = this, { uniforms } = this.pointProgram;
-    const { points: { places, quantum }, buffer, colors, array } = this.clouds.get(name);
-    const every = step ?? look.step, type = places instanceof Int16Array ? gl.SHORT : gl.UNSIGNED_SHORT;
+  /** Draw a slice of the tiles [{start, count, origin [m], turn}] of a name; `texel` of points without own colors, `larger` by a factor. */
+  drawCloud({ name, tiles, texel = BY_HEIGHT, larger = 1, step }, camera, { alone, voxel, ratio, ...look }, slice) {
+    const { gl } = this, { uniforms } = this.pointProgram, every = step ?? look.step;
+    const { points: { places, quantum }, buffer, colors } = this.clouds.get(name);
+    const type = places instanceof Int16Array ? gl.SHORT : gl.UNSIGNED_SHORT;
     gl.uniform1f(uniforms.quantum, quantum);
-    gl.uniform1f(uniforms.edge, this.edge(camera, larger * look.voxel) * ratio * every ** GROWTH);
+    gl.uniform1f(uniforms.edge, this.edge(camera, larger * voxel) * ratio * (alone ? every ** GROWTH : 1));
     gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => larger * size * ratio));
-    gl.bindVertexArray(array);
     gl.enableVertexAttribArray(PLACE);
     if (colors) gl.enableVertexAttribArray(TEXEL);
     else gl.disableVertexAttribArray(TEXEL);
@@ -277,25 +261,29 @@ class Scene {
       gl.uniform4fv(uniforms.turn, turn);
       gl.uniform3fv(uniforms.corner, minus(origin, camera.target));
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.vertexAttribPointer(PLACE, 3, type, false, BYTES * every, BYTES * start);
+      gl.vertexAttribPointer(PLACE, 3, type, false, BYTES * every, BYTES * (start + slice));
       if (colors) {
         gl.bindBuffer(gl.ARRAY_BUFFER, colors);
-        gl.vertexAttribPointer(TEXEL, 1, gl.UNSIGNED_BYTE, false, every, start);
+        gl.vertexAttribPointer(TEXEL, 1, gl.UNSIGNED_BYTE, false, every, start + slice);
       }
-      gl.drawArrays(gl.POINTS, 0, Math.ceil(count / every));
+      gl.drawArrays(gl.POINTS, 0, slice < every ? Math.max(0, Math.ceil((count - slice) / every)) : 0);
     }
   }
 
   /** Draw lines, and faintly what points hide of them. */
-  drawLines(lines, camera, matrix, ratio) {
+  drawLines(lines, camera, ratio) {
     const { gl } = this, { program, uniforms } = this.lineProgram;
     gl.useProgram(program);
-    gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
+    gl.uniformMatrix4fv(uniforms.clip_from_target, false, camera.matrix());
     gl.uniform3fv(uniforms.offset, minus(lines.offset, camera.target));
     gl.uniform2f(uniforms.size, gl.canvas.width, gl.canvas.height);
     gl.uniform1f(uniforms.width, lines.width * ratio);
     gl.uniform1f(uniforms.dash, (lines.dash ?? 0) * ratio);
-    gl.bindVertexArray(lines.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, lines.buffer);
+    for (const end of [BEGIN, END]) {
+      gl.enableVertexAttribArray(end);
+      gl.vertexAttribPointer(end, 3, gl.FLOAT, false, 24, 12 * end);
+    }
     gl.enable(gl.BLEND);
     gl.depthMask(false);
     for (const [compare, alpha] of [[gl.LEQUAL, 1], [gl.GREATER, lines.hidden ?? HIDDEN]]) {
@@ -306,6 +294,5 @@ class Scene {
     gl.depthFunc(gl.LEQUAL);
     gl.depthMask(true);
     gl.disable(gl.BLEND);
-    gl.bindVertexArray(null);
   }
 }

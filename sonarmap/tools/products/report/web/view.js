@@ -24,8 +24,9 @@ class ReportView extends MapView {
     this.camera.reset(); // as the picture is high and wide now
     this.pairs = pairsOf(part, this.content.pairs);
     this.control = controlOf(part, this.content);
-    this.factor = fittingFactor(part.track, this.camera.reach);
-    this.exaggeration = fittingExaggeration(this.control, this.camera.reach);
+    const { reach } = this.camera, [typical] = quantiles(part.track.half_axes.map((axes) => CONFIDENCE * Math.max(...axes.map(lengthOf))), 0.5);
+    this.factor = enlargement(typical, 0.012 * reach);
+    this.exaggeration = enlargement(Math.max(0, ...this.control.map(({ row }) => lengthOf(row.residual))), 0.1 * reach);
     this.colorings = coloringsOf(part, points);
     this.scene.showPoints("points", points);
     this.colorBy(this.coloring in this.colorings ? this.coloring : "depth");
