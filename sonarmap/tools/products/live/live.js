@@ -6,33 +6,37 @@ const MARK = 0.025; // half a mark's size, as a share of the plan's
 function showCoverage(box, coverage, track, vehicle, sure, ahead) {
   box.hidden = !coverage;
   if (!coverage) return;
-  const { corner, size, legend, picture } = coverage, [width, height] = size, s = MARK * Math.max(width, height);
-  const [fx, fy] = vehicle ? turned(vehicle.turn, [1, 0, 0]) : [0, 1];
-  const at = ([x, y]) => [x - corner[0], height - (y - corner[1])];
-  const mark = (d) => make("path", { d, fill: "none", stroke: "currentColor", "stroke-width": s / 3 });
-  const marks = track.map(([from, to]) => mark(`M${at(from)}L${at(to)}`));
-  if (sure) {
-    const [x, y] = at(sure);
-    marks.push(mark(`M${x - s} ${y - s}l${2 * s} ${2 * s}m${-2 * s} 0l${2 * s} ${-2 * s}`));
-  }
-  if (vehicle) {
-    const [x, y] = at(vehicle.place), [u, v] = [2 * s * fx, -2 * s * fy];
-    marks.push(mark(`M${x - u} ${y - v}L${x + u} ${y + v}L${x - 0.6 * v} ${y + 0.6 * u}M${x + u} ${y + v}L${x + 0.6 * v} ${y - 0.6 * u}`));
-  }
+  const { corner, size: [width, height], legend, picture } = coverage, s = MARK * Math.max(width, height);
+  const [fx, fy] = vehicle ? turned(vehicle.turn, [1, 0, 0]) : [0, 1], hole = vehicle && showHole(coverage.holes, vehicle.place, [fx, fy]);
+  const line = (...places) => `M${places.map(([x, y]) => [x - corner[0], height - (y - corner[1])]).join("L")}`;
+  const near = (far, left) => sum(vehicle.place, [far * fx - left * fy, far * fy + left * fx, 0], s);
+  const marks = [...track, ...crosses(sure ? [sure] : [], s), ...(hole ? [[vehicle.place, hole]] : [])].map((places) => line(...places));
+  if (vehicle) marks.push(line(near(-2, 0), near(2, 0)), line(near(0, -1.2), near(2, 0), near(0, 1.2)));
   const plan = box.querySelector("svg"), across = ahead ? Math.hypot(width, height) : null;
   const [left, top] = ahead ? [(width - across) / 2, (height - across) / 2] : [-2 * s, -2 * s];
   plan.setAttribute("viewBox", `${left} ${top} ${width - 2 * left} ${height - 2 * top}`);
   plan.querySelector("g").setAttribute("transform", `rotate(${ahead ? (-180 / Math.PI) * Math.atan2(fx, fy) : 0} ${width / 2} ${height / 2})`);
   if (plan.dataset.picture !== picture) {
     plan.dataset.picture = picture;
-    plan.querySelector("image").setAttribute("href", picture);
-    for (const [name, value] of [["width", width], ["height", height]]) plan.querySelector("image").setAttribute(name, value);
+    for (const [name, value] of Object.entries({ href: picture, width, height })) plan.querySelector("image").setAttribute(name, value);
     box.querySelector("ul").replaceChildren(...legend.map(([color, words, area]) => {
       const patch = Object.assign(make("span", { class: "patch" }), { style: `background: ${color}` });
       return make("li", {}, patch, `${words}: ${short(area, "m²")}`);
     }), make("li", {}, "no color: never seen, and outside"));
   }
-  plan.querySelector("g g").replaceChildren(...marks);
+  plan.querySelector("path").setAttribute("d", marks.join(""));
+  plan.querySelector("path").setAttribute("stroke-width", s / 3);
+}
+
+/** How to fly to the nearest of the holes [x, y] from a place, with an arrow: its bearing from what is ahead. That hole, or undefined. */
+function showHole(holes, place, [fx, fy]) {
+  const far = ([x, y]) => Math.hypot(x - place[0], y - place[1]), [hole] = [...holes].sort((a, b) => far(a) - far(b));
+  $("#hole").hidden = !hole;
+  if (!hole) return hole;
+  const [x, y] = minus(hole, place), left = Math.round((180 / Math.PI) * Math.atan2(fx * y - fy * x, fx * x + fy * y));
+  say("#hole output", `hole ${meters(far(hole), 1)}, ${Math.abs(left)}°\u202f${left < 0 ? "right" : "left"}`);
+  $("#hole span").style.rotate = `${-left}deg`;
+  return hole;
 }
 
 const AGAIN = [500, 5000]; // until the next try to reach the server, at first and at most [ms]
@@ -117,13 +121,14 @@ function receive(message) {
   view?.show(change);
   if (change.kind === "state") receivedAt = performance.now();
   if (["state", "reset", "coverage"].includes(change.kind)) showState();
+  if (change.kind === "made") location.assign(`/report${location.search}`);
 }
 
 /** Say whether what is shown is old. */
 function showAge() {
   const age = performance.now() - receivedAt, waits = wire.open && age > OLD && !["waiting", "ended"].includes(dive.state.status);
   document.body.classList.toggle("stale", !wire.open || waits);
-  if (wire.open) say("#link", waits ? `No news from the mapping for ${Math.round(age / 1000)} s: what is shown is old.` : "");
+  if (wire.open) say("#link", waits ? `No news from the mapping for ${Math.round(age / 1000)} s: what is shown is old.` : dive.making);
   $("#link").hidden = !$("#link").textContent;
 }
 

@@ -39,6 +39,7 @@ _SEEN = (  # color and legend of the classes 1 to 4 of cells
     ("#d55e00", "holes, never seen"),
 )
 _LEAST_HOLE = 4  # cells; smaller gaps lie between beams
+_WIDE_HOLE = 2.0  # from the middle of a hole that is worth a visit to its rim [cells]
 _MOST_ACROSS = 1000  # cells along an axis; beyond it they are made coarser
 _STRAY = 0.001  # share of the cells at each side that are left out as stray
 
@@ -191,7 +192,8 @@ def coverage(seen: Sequence[np.ndarray], cell: float, part: int) -> Message:
         part: number of the part.
     """
     counts, corner, cell = _counted(seen, cell)
-    kinds = np.select([counts >= 4, counts >= 2, counts == 1, _holes(counts == 0)], [1, 2, 3, 4]).astype(np.uint8)
+    inside = _holes(counts == 0)
+    kinds = np.select([counts >= 4, counts >= 2, counts == 1, inside], [1, 2, 3, 4]).astype(np.uint8)
     image = Image.fromarray(kinds[::-1])  # y up
     image.putpalette(bytes(3) + b"".join(bytes.fromhex(color[1:]) for color, _ in _SEEN))
     file = BytesIO()
@@ -199,6 +201,7 @@ def coverage(seen: Sequence[np.ndarray], cell: float, part: int) -> Message:
     areas = np.bincount(kinds.ravel(), minlength=5)[1:] * cell**2
     legend = [[color, words, float(area)] for (color, words), area in zip(_SEEN, areas, strict=True)]
     content = {"kind": "coverage", "part": part, "corner": corner, "size": [cell * n for n in kinds.shape[::-1]]}
+    content["holes"] = (np.array(corner) + cell * (_middles(inside) + 0.5)).tolist()
     picture = "data:image/png;base64," + b64encode(file.getvalue()).decode()
     return f"coverage {part}", json.dumps({**content, "legend": legend, "picture": picture}, allow_nan=False)
 
@@ -229,3 +232,11 @@ def _holes(empty: np.ndarray) -> np.ndarray:
     labels = np.zeros(empty.shape, np.int32)
     ndimage.label(inside, output=labels)
     return inside & (np.bincount(labels.ravel())[labels] >= _LEAST_HOLE)
+
+
+def _middles(holes: np.ndarray) -> np.ndarray:
+    """(n, 2) column and row of the cell farthest inside each hole, of holes that are wide enough to fly to."""
+    far = ndimage.distance_transform_edt(holes)
+    labels, count = ndimage.label(holes)
+    middles = ndimage.maximum_position(far, labels, np.arange(1, count + 1))
+    return np.array([(column, row) for row, column in middles if far[row, column] >= _WIDE_HOLE]).reshape(-1, 2)

@@ -67,6 +67,18 @@ def test_the_plan_counts_views_and_marks_holes() -> None:
     legend = plan["legend"]
     assert isinstance(legend, list)
     assert [row[1:] for row in legend][1:] == [["2 or 3 times", 0.25], ["once", 0.25 * 41], ["holes, never seen", 1.5]]
+    assert plan["holes"] == []  # a narrow one
+
+
+def test_the_plan_names_the_middles_of_wide_holes() -> None:
+    x, y = np.meshgrid(np.arange(20), np.arange(9))
+    cells = np.column_stack([x.ravel(), y.ravel()])
+    holes = [
+        (cells >= low).all(axis=1) & (cells < high).all(axis=1) for low, high in (([1, 2], [6, 7]), ([9, 1], [12, 4]))
+    ]
+    seen = np.repeat(cells[~np.any(holes, axis=0)] + 0.5, 2, axis=0) * 0.5 + [-1.0, 2.0]
+    plan, _ = plan_of([seen])
+    assert plan["holes"] == [[4.25, 3.25], [0.75, 4.25]] or plan["holes"] == [[0.75, 4.25], [4.25, 3.25]]
 
 
 def test_a_large_plan_is_coarser_and_strays_do_not_enlarge_it() -> None:
