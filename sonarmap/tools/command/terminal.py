@@ -156,6 +156,19 @@ _LABEL, _COUNT, _TIMES = 11, 11, 28  # columns of the label, the count and the t
 Step = Callable[[int, int, str], None]
 
 
+_followers: list[Callable[[str], None]] = []
+
+
+@contextmanager
+def followed(follow: Callable[[str], None]) -> Iterator[None]:
+    """Within the block, call `follow` with the progress of all work in words."""
+    _followers.append(follow)
+    try:
+        yield
+    finally:
+        _followers.remove(follow)
+
+
 @contextmanager
 def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]:
     """Show the progress of `total` pieces of work; yields a function to call after each with words about it, or ""."""
@@ -189,6 +202,8 @@ def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
 
     def step(done: int, planned: int, note: str) -> None:
         bar.show(done, planned, note)
+        for follow in _followers:
+            follow(f"{label}: {done} of {planned}" if planned > 1 else label)
         if lines is not None:
             lines.step(bar.tasks[0], note)
 

@@ -42,7 +42,12 @@ class Dive:
     _new: list[str] = field(default_factory=list[str])  # alerts that are not on the terminal yet
 
     def follow(self, stop: Event) -> None:
-        """Map until `stop` is set or the input has ended; restart the mapping if it fails."""
+        """Map until `stop` is set or the input has ended; restart the mapping if it fails. At the end say so."""
+        self._follow(stop)
+        self._state = replace(self._state, status="ended")
+        self._show()
+
+    def _follow(self, stop: Event) -> None:
         again = Again()
         while not stop.is_set():
             again.begins()

@@ -19,13 +19,14 @@ from sonarmap.tools.command.navigation import ImuOption, NavigationReading, Odom
 from sonarmap.tools.command.option import INPUT, NAVIGATION, OUTPUT, RUNNING, JsonOption, QuietOption, given
 from sonarmap.tools.command.output import EarthPlace, MapOutput
 from sonarmap.tools.command.survey import ExecutionOptions, PointReading, SurveyOptions, TiesAndControl
-from sonarmap.tools.command.terminal import say, status_line, warn
+from sonarmap.tools.command.terminal import followed, say, status_line, warn
 from sonarmap.tools.command.verbs import map as map_verb
 from sonarmap.tools.command.verbs.record import Listening, ending
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.live.mapping import MappingSettings
     from sonarmap.tools.command.live.recording import RecordingProcess
+    from sonarmap.tools.products.live.server import LivePage
 
 NOTHING_CAME = 3
 
@@ -98,7 +99,9 @@ def command(
     from sonarmap.tools.command.live.mapping import MappingSettings
     from sonarmap.tools.command.live.navigation import NAME, Navigation
     from sonarmap.tools.command.live.recording import FOLDER
+    from sonarmap.tools.files.map_folder.names import REPORT
     from sonarmap.tools.files.readers.incoming import final_path
+    from sonarmap.tools.products.live.server import LivePage
 
     inputs, out = source or [], output.out
     _require_source(inputs, live.replay)
@@ -120,16 +123,6 @@ def command(
     may_be_placed = bool(inputs or known.priors)
     stamps = () if inputs else (time.time(),)
     map_verb.check_options(output, method, earth, given(known) | given(odometry), stamps, may_be_placed)
-    _follow(settings, live, None if inputs else listening, listening.seconds, quiet or as_json)
-    mapped = [str(final_path(Path(name))) for name in settings.inputs]
-    if not _has_scans(mapped):
-        clear(out)
-        warn("no scan came, and there is no map")
-        raise typer.Exit(NOTHING_CAME)
-    if not live.finish:
-        return
-    if live.nmea is not None and not _has_navigation(out / NAME):
-        known, reading = PriorsFile(), NavigationReading() if odometry.odometry is None else reading
 
     def finish(output: MapOutput, earth: EarthPlace) -> None:
         map_verb.command(
@@ -138,8 +131,36 @@ def command(
             as_json=as_json, quiet=quiet,
         )  # fmt: skip
 
-    _make_map(finish, output, earth, mapped)
-    clear(out)
+    with LivePage(live.bind, live.port) as page:
+        _follow(settings, live, page, None if inputs else listening, listening.seconds, quiet or as_json)
+        mapped = [str(final_path(Path(name))) for name in settings.inputs]
+        if not _has_scans(mapped):
+            clear(out)
+            warn("no scan came, and there is no map")
+            raise typer.Exit(NOTHING_CAME)
+        if not live.finish:
+            return
+        if live.nmea is not None and not _has_navigation(out / NAME):
+            known, reading = PriorsFile(), NavigationReading() if odometry.odometry is None else reading
+        with _shown(page, out / REPORT):
+            _make_map(finish, output, earth, mapped)
+        clear(out)
+
+
+@contextmanager
+def _shown(page: "LivePage", report: Path) -> Iterator[None]:
+    """Show the progress of the block on the page, and then the report, if one was written."""
+
+    def written() -> int:
+        return report.stat().st_mtime_ns if report.is_file() else 0
+
+    before = written()
+    try:
+        with followed(page.making):
+            yield
+    finally:  # an incomplete map has a report, too
+        if written() != before:
+            page.show_report(report.read_text(encoding="utf-8"))
 
 
 def _make_map(
@@ -159,14 +180,18 @@ def _make_map(
 
 
 def _follow(
-    settings: "MappingSettings", live: LiveOptions, listening: Listening | None, seconds: float | None, quiet: bool
+    settings: "MappingSettings",
+    live: LiveOptions,
+    page: "LivePage",
+    listening: Listening | None,
+    seconds: float | None,
+    quiet: bool,
 ) -> None:
     """Show a dive until it ends, after `seconds` at most. `listening` are the options of the recording; None if another
     program records."""
     from sonarmap.tools.command.live.dive import Dive
     from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
     from sonarmap.tools.command.live.navigation import NavigationLog
-    from sonarmap.tools.products.live.server import LivePage
 
     out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
     kept_settings = [settings.corrections, settings.method, settings.mapper]
@@ -174,7 +199,6 @@ def _follow(
         stack.enter_context(kept_for(out, (*settings.inputs, *onto), kept_settings))
         navigation = None if live.nmea is None else stack.enter_context(NavigationLog(live.nmea, out))
         stop = stack.enter_context(ending(seconds))
-        page = stack.enter_context(LivePage(live.bind, live.port))
         if live.onto is not None and not has_keys(out):
             _keep_map(live.onto, out)
         show = stack.enter_context(status_line(quiet))

@@ -1,6 +1,8 @@
-"""The page's server: `/` is the page, `/feed` the WebSocket, other paths are refused. It reads no file."""
+"""The page's server: `/` is the page, `/feed` the WebSocket, `/report` the report once there is one, other paths are
+refused. It reads no file."""
 
 import asyncio
+import json
 import logging
 import secrets
 import socket
@@ -25,21 +27,24 @@ from sonarmap.tools.products.report.page import REPORT_WEB, joined, part
 
 MOST_BROWSERS = 8
 LARGEST = 1024  # largest message from a browser, which should send none [bytes]
-_PATIENCE = 20.0  # for a browser that receives nothing [s]
+_PATIENCE = 20.0  # for a browser that receives nothing, or a whole report [s]
 _AGAIN = 1.0  # pause before a server that failed is restarted [s]
 _ADDRESS_OF = 0x8915  # SIOCGIFADDR of Linux: the address of an interface
 _FAREWELL = 2.0  # for browsers to receive the end of the dive [s]
+_TICK = 0.1  # interval of checks whether browsers have the report [s]
 _HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+_OF_REPORT_PAGE = "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"  # beside the policy that it contains
+_LOOPBACK_HEADERS = {"Cross-Origin-Opener-Policy": "same-origin"}  # browsers ignore it elsewhere, with a warning
 _quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # requests of strangers are not logged
 OWN = "sonarmap.tools.products.live"
 _OF_REPORT = ("camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "map_view")
 _OWN = ("view", "live")
+REPORT_PATH = "/report"
 
 
 class LivePage:
@@ -54,7 +59,9 @@ class LivePage:
         self._token = None if _is_loopback(bind) else secrets.token_urlsafe(24)
         self._kept = Kept()
         self._ending = False
-        self._page, self._policy = live_page()
+        self._pages = {"/": live_page()}  # path -> HTML and Content-Security-Policy
+        self._feeds = 0  # number of browsers
+        self._reports = list[ServerConnection]()  # on which a report was asked for
 
     @property
     def address(self) -> str:
@@ -90,6 +97,19 @@ class LivePage:
         self._kept.add(message)
         self._call(self._wake)
 
+    def making(self, words: str) -> None:
+        """Say on the page how far the final map is."""
+        said = f"The dive has ended, and its map is being made ({words}). The report then opens here."
+        self.publish(("making", json.dumps({"kind": "making", "words": said})))
+
+    def show_report(self, page: str) -> None:
+        """Have all browsers open a report, and wait until they have it, as it needs no server then."""
+        self._pages[REPORT_PATH] = page, _OF_REPORT_PAGE
+        self.publish(("made", json.dumps({"kind": "made"})))
+        until = time.monotonic() + _PATIENCE
+        while time.monotonic() < until and (self._feeds or any(map(_is_sending, self._reports))):
+            time.sleep(_TICK)
+
     def _call(self, function: Callable[[], object]) -> None:
         with suppress(RuntimeError):  # the loop has ended
             self._loop.call_soon_threadsafe(function)
@@ -112,7 +132,7 @@ class LivePage:
     async def _serve(self, started: Future[int]) -> None:
         self._loop, self._stop, self._news = asyncio.get_running_loop(), asyncio.Event(), asyncio.Event()
         options: dict[str, Any] = {"compression": None, "max_size": LARGEST, "max_queue": 1, "server_header": None}
-        options |= {"open_timeout": 5, "close_timeout": 2, "process_request": self._answer, "logger": _quiet}
+        options |= {"open_timeout": _PATIENCE, "close_timeout": 2, "process_request": self._answer, "logger": _quiet}
         async with serve(self._feed, self._bind, self._port, **options) as server:
             if not started.done():
                 started.set_result(next(iter(server.sockets)).getsockname()[1])
@@ -132,11 +152,13 @@ class LivePage:
             if not secrets.compare_digest(given.encode("utf-8", "replace"), self._token.encode()):
                 why = "Open the address that sonarmap printed, with its token.\n"
                 return connection.respond(HTTPStatus.FORBIDDEN, why)
-        if url.path == "/":
-            response = connection.respond(HTTPStatus.OK, self._page)
+        if url.path in self._pages:
+            page, policy = self._pages[url.path]
+            self._reports += [connection] if url.path == REPORT_PATH else []
+            response = connection.respond(HTTPStatus.OK, page)
             del response.headers["Content-Type"]
-            policy = {"Content-Type": "text/html; charset=utf-8", "Content-Security-Policy": self._policy}
-            response.headers.update(_HEADERS | policy)
+            own = {"Content-Type": "text/html; charset=utf-8", "Content-Security-Policy": policy}
+            response.headers.update(_HEADERS | own | ({} if self._token else _LOOPBACK_HEADERS))
             return response
         if url.path != "/feed":
             return connection.respond(HTTPStatus.NOT_FOUND, "There is only the page itself, at /.\n")
@@ -156,6 +178,7 @@ class LivePage:
         if len(connection.server.connections) > MOST_BROWSERS:
             return await connection.close(1013, f"{MOST_BROWSERS} browsers show the page already; close one")
         listening, reached = asyncio.create_task(self._listen(connection)), dict[type, int]()
+        self._feeds += 1
         try:
             while not listening.done():
                 news, messages = self._news, self._kept.after(reached)
@@ -169,6 +192,7 @@ class LivePage:
         except (ConnectionClosed, TimeoutError):
             connection.transport.abort()
         finally:
+            self._feeds -= 1
             listening.cancel()
 
     async def _listen(self, connection: ServerConnection) -> None:
@@ -177,6 +201,10 @@ class LivePage:
             await connection.recv()
             await connection.close(1008, "nothing is expected")
         self._wake()
+
+
+def _is_sending(connection: ServerConnection) -> bool:
+    return connection.transport.get_write_buffer_size() > 0
 
 
 def _is_loopback(bind: str) -> bool:

@@ -204,7 +204,8 @@ def test_while_recording_the_mapping_restarts_after_any_error(
     a_dive(True, page, lines).follow(stop)
     assert lines == [f"the mapping ended ({error}), and goes on from the last key scan"] * 2
     assert page.states[-1]["alerts"] == lines[:1]
-    assert page.states[-1]["sentence"].startswith("The recording goes on")
+    assert page.states[-2]["sentence"].startswith("The recording goes on")
+    assert page.states[-1]["sentence"] == "The dive has ended."
 
 
 @pytest.mark.parametrize(("error", "most"), [(InputError("no scans"), 1), (DeviceError("gone"), 1), (ValueError(), 6)])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from threading import Thread
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -12,6 +13,8 @@ from sonarmap.slam.live.growing import Pose
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
+from sonarmap.tools.products.report.content import Content
+from sonarmap.tools.products.report.page import report_text
 from tests.tools.products.live.known_dive import KnownDive
 from tests.tools.products.report.browser import SOFTWARE, Opened, browsed, wait_until
 
@@ -111,6 +114,25 @@ def test_the_page_shows_a_lost_server_and_reconnects() -> None:
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
         browser.__exit__(None, None, None)
+
+
+@pytest.mark.parametrize("bind", ["127.0.0.1", "0.0.0.0"])
+@pytest.mark.quick_cases(1)
+def test_the_page_becomes_the_report(content: Content, bind: str) -> None:
+    dive = KnownDive(per_scan=50)
+    with LivePage(bind) as live, opened(live) as shown:
+        page = shown.page
+        publish(live, dive, 3)
+        live.making("mapping: 2 of 3")
+        wait_until(page, "document.querySelector('#link').innerText.includes('mapping: 2 of 3')")
+        served = Thread(target=live.show_report, args=(report_text(content),))
+        served.start()
+        page.wait_for_url("**/report*")
+        wait_until(page, "window.sonarmap?.view?.frames > 0 && sonarmap.content")
+        served.join()
+        live.__exit__()
+        page.click("text=Measure a distance")
+        assert "Click on the first point" in page.inner_text("#picked")
 
 
 COUNTED = """

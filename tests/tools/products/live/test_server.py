@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
 from http.client import HTTPConnection
+from threading import Thread
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -190,6 +191,32 @@ def test_browsers_are_sent_the_end_of_the_dive() -> None:
             live.publish(("state", State("ended").message))
         last = [message for message in connection if isinstance(message, str)][-1]
     assert json.loads(last)["status"] == "ended"
+
+
+def test_a_report_is_served_whole_before_the_server_ends() -> None:
+    report = "<!doctype html>" + "echo " * 4_000_000
+    answers = list[tuple[int, str]]()
+
+    def browse(live: LivePage, connection: ClientConnection) -> None:
+        while json.loads(connection.recv(10))["kind"] != "made":
+            pass
+        status, headers, text = answer(live, "/report?" + urlsplit(live.address).query, Host="127.0.0.1")
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        answers.append((status, text))
+        connection.close()
+
+    with LivePage("0.0.0.0") as live:
+        token = urlsplit(live.address).query
+        assert answer(live, f"/report?{token}", Host="127.0.0.1")[0] == 404
+        with feed(live) as connection:
+            live.making("mapping: 3 of 7")
+            assert "mapping: 3 of 7" in json.loads(connection.recv(5))["words"]
+            browser = Thread(target=browse, args=(live, connection))
+            browser.start()
+            live.show_report(report)
+            assert answer(live, "/report", Host="127.0.0.1")[0] == 403
+    browser.join()
+    assert answers == [(200, report)]
 
 
 def test_an_unusable_port_or_address_names_its_option(live: LivePage) -> None:
