@@ -10,8 +10,12 @@ from multiprocessing import Pipe
 from pathlib import Path
 from threading import Event
 from typing import Any, cast
+from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import pytest
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.tools.command.live import dive as module
@@ -69,6 +73,24 @@ def test_live_makes_the_same_map_as_map(clutter: Path, tmp_path: Path) -> None:
     assert results(tmp_path) == results(clutter / "out")
     assert not (tmp_path / "live").exists()
     assert "The dive has ended; 4 of 4 scans placed" in lines
+
+
+@pytest.mark.slow
+def test_the_page_becomes_the_report_before_live_ends(clutter: Path, tmp_path: Path) -> None:
+    process = live(tmp_path, clutter, "--replay", "1")
+    assert process.stderr is not None
+    address = urlsplit(next(line for line in process.stderr if "shown at" in line).split("shown at ")[1].split(";")[0])
+    origin = Origin(f"http://{address.netloc}")
+    with connect(f"ws://{address.netloc}/feed", origin=origin, compression=None, max_size=None) as feed:
+        texts = list[dict[str, Any]]()
+        while not texts or texts[-1]["kind"] != "made":
+            texts += [json.loads(message) for message in [feed.recv(120)] if isinstance(message, str)]
+        with urlopen(f"{origin}/report") as response:
+            report = response.read()
+    ended(process)
+    assert report == (tmp_path / "report.html").read_bytes()
+    assert [text["status"] for text in texts if text["kind"] == "state"][-1] == "ended"
+    assert any("map is being made" in text["words"] for text in texts if text["kind"] == "making")
 
 
 @pytest.mark.slow
