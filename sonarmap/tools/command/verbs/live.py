@@ -91,9 +91,9 @@ def command(
     all poses optimized again, with the rows that --priors and --odometry have so far. Scans that arrive too fast are
     placed at the end.
 
-    Ctrl-C or --duration ends the dive. Then the map is made as by `sonarmap map`, with the same files and exit codes;
-    `sonarmap map OUT/recording -o OUT` with more options makes it again. A separate process records data from the
-    network to OUT/recording. If started again with the same OUT, the dive continues.
+    Ctrl-C or --duration ends the dive. Then the map is made as by `sonarmap map`, with the same files and exit codes,
+    and the page becomes its report; `sonarmap map OUT/recording -o OUT` with more options makes it again. A separate
+    process records data from the network to OUT/recording. If started again with the same OUT, the dive continues.
     """
     from sonarmap.tools.command.live.kept_keys import clear
     from sonarmap.tools.command.live.mapping import MappingSettings
