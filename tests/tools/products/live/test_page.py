@@ -1,5 +1,6 @@
 """The live page in Chromium: a dive, the alarm, hostile texts, and a lost server."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Thread
@@ -11,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.live.growing import Pose
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.messages import State
+from sonarmap.tools.products.live.messages import State, coverage
 from sonarmap.tools.products.live.server import LivePage
 from sonarmap.tools.products.report.content import Content
 from sonarmap.tools.products.report.page import report_text
@@ -114,6 +115,29 @@ def test_the_page_shows_a_lost_server_and_reconnects() -> None:
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
         browser.__exit__(None, None, None)
+
+
+@pytest.mark.parametrize(("bearing", "side"), [(60.0, "left"), (-70.0, "right")])
+@pytest.mark.quick_cases(1)
+def test_the_page_points_to_the_nearest_hole(bearing: float, side: str) -> None:
+    dive = KnownDive(per_scan=50)
+    T = dive.pose(0)
+    toward = T.rotation * Rotation.from_euler("z", bearing, degrees=True)
+    near, far = (T.translation + toward.apply([away, 0.0, 0.0]) for away in (12.0, 24.0))
+    x, y = np.meshgrid(*[np.arange(-30, 30, 0.5) + 0.25] * 2)
+    cells = np.column_stack([x.ravel(), y.ravel()])
+    seen = cells[(np.hypot(*(cells - near[:2]).T) > 1.2) & (np.hypot(*(cells - far[:2]).T) > 2.0)]
+    with LivePage() as live, opened(live) as shown:
+        publish(live, dive, 1)
+        live.publish(coverage([np.repeat(seen, 2, axis=0)], 0.5, 0))
+        wait_until(shown.page, "!document.querySelector('#hole').hidden")
+        said = re.fullmatch(r"hole (\d+)\u202fm, (\d+)°\u202f(left|right)", shown.page.inner_text("#hole output"))
+        assert said is not None
+        assert abs(int(said[1]) - 12) <= 1
+        assert abs(int(said[2]) - abs(bearing)) <= 4
+        assert said[3] == side
+        turn = float(shown.page.evaluate("parseFloat(document.querySelector('#hole span').style.rotate)"))
+        assert abs(turn + bearing) <= 4  # clockwise from ahead
 
 
 @pytest.mark.parametrize("bind", ["127.0.0.1", "0.0.0.0"])
