@@ -39,7 +39,7 @@ _SEEN = (  # color and legend of the classes 1 to 4 of cells
     ("#d55e00", "holes, never seen"),
 )
 _LEAST_HOLE = 4  # cells; smaller gaps lie between beams
-_WIDE_HOLE = 2.0  # from the middle of a hole that is worth a visit to its rim [cells]
+_WIDE_HOLE = 1.4  # from the middle of a hole that is worth a visit to its rim [cells]
 _MOST_ACROSS = 1000  # cells along an axis; beyond it they are made coarser
 _STRAY = 0.001  # share of the cells at each side that are left out as stray
 
@@ -236,7 +236,7 @@ def _holes(empty: np.ndarray) -> np.ndarray:
 
 def _middles(holes: np.ndarray) -> np.ndarray:
     """(n, 2) column and row of the cell farthest inside each hole, of holes that are wide enough to fly to."""
-    far = ndimage.distance_transform_edt(holes)
+    far = np.asarray(ndimage.distance_transform_edt(holes))
     labels, count = ndimage.label(holes)
-    middles = ndimage.maximum_position(far, labels, np.arange(1, count + 1))
-    return np.array([(column, row) for row, column in middles if far[row, column] >= _WIDE_HOLE]).reshape(-1, 2)
+    middles = np.array(ndimage.maximum_position(far, labels, np.arange(1, count + 1)), int).reshape(-1, 2)
+    return middles[far[tuple(middles.T)] >= _WIDE_HOLE][:, ::-1]

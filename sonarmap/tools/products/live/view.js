@@ -207,7 +207,7 @@ class LiveView extends MapView {
     const texelOf = (key) => clamped((254 * (of(key) - ends[0])) / (ends[1] - ends[0] || 1));
     const clouds = dive.cloudsIn(number).map((cloud) =>
       ({ name: `${cloud.key}`, tiles: [tileOf(cloud)], texel: of ? texelOf(cloud.key) : BY_HEIGHT }));
-    if (last && dive.isIn(number, last.key)) clouds.push({ name: "last", tiles: [tileOf(last)], texel: LAST_TEXEL, larger: 0.7, step: 1 });
+    if (last && dive.isIn(number, last.key)) clouds.push({ name: "last", tiles: [tileOf(last)], texel: LAST_TEXEL, larger: 0.7, whole: true });
     const from = this.colored === "distance" ? this.seen().vehicle?.place : null;
     return { clouds, voxel: WIDE * this.field.far, range: ends, from, labels: this.showVehicle() };
   }

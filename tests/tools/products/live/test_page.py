@@ -3,11 +3,13 @@
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from threading import Thread
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.live.growing import Pose
@@ -115,6 +117,41 @@ def test_the_page_shows_a_lost_server_and_reconnects() -> None:
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
         browser.__exit__(None, None, None)
+
+
+RESTED = """async () => {
+    const { view } = sonarmap, { show } = view.scene;
+    view.budget = 4000;
+    view.fit = () => {};
+    const whole = new Promise((shown) => (view.scene.show = function (camera, look) {
+        show.call(this, camera, look);
+        if (!look.alone) shown(look.step);
+    }));
+    for (let k = 0; k < 40; k++) {
+        view.camera.turn(0.01, 0);
+        view.request(true);
+        await new Promise((passed) => setTimeout(passed, 20));
+    }
+    return whole;
+}"""
+
+
+def pixels(picture: bytes) -> np.ndarray:
+    return np.asarray(Image.open(BytesIO(picture)).convert("RGB")).astype(int)
+
+
+def test_a_view_at_rest_is_drawn_in_slices_as_it_is_at_once() -> None:
+    with LivePage() as live, opened(live) as shown:
+        page, canvas = shown.page, shown.page.locator("#canvas")
+        publish(live, KnownDive(per_scan=2000), 20)
+        wait_until(page, "sonarmap.dive.clouds.size === 20 && !sonarmap.view.refreshing && !sonarmap.view.waiting")
+        assert page.evaluate(RESTED) == 11  # the last scan has points, too
+        in_slices = pixels(canvas.screenshot())
+        page.evaluate("sonarmap.view.budget = Infinity; sonarmap.view.request()")
+        wait_until(page, "!sonarmap.view.waiting")
+        page.wait_for_timeout(500)
+        apart = np.abs(pixels(canvas.screenshot()) - in_slices).max(axis=2)
+        assert (apart > 8).mean() < 0.002  # of points at one depth the last one is seen
 
 
 @pytest.mark.parametrize(("bearing", "side"), [(60.0, "left"), (-70.0, "right")])

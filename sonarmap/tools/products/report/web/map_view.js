@@ -24,13 +24,13 @@ class MapView {
 
   /** Ask for a frame, as something changed. */
   request() {
-    clearTimeout(this.resting);
-    cancelAnimationFrame(this.completing);
     this.waiting ??= requestAnimationFrame((now) => this.draw(now));
   }
 
   draw(now) {
     this.waiting = null;
+    clearTimeout(this.resting);
+    cancelAnimationFrame(this.completing);
     if (!this.part) return;
     const { camera, heights, scene } = this, { labels, ...own } = this.look(), ratio = Math.min(2, window.devicePixelRatio || 1);
     const count = own.clouds.flatMap(({ tiles }) => tiles).reduce((points, tile) => points + tile.count, 0);
@@ -45,8 +45,9 @@ class MapView {
     requestAnimationFrame((next) => (this.waiting || this.drawn === next) && this.fit(next - now)); // of a movement
   }
 
-  /** Draw all points, a slice a frame; the last one shows them. */
+  /** Draw all points, a slice a frame, until something changes; the last one shows them. */
   complete(look, slice) {
+    if (this.waiting) return;
     this.scene.gather(this.camera, look, slice);
     if (slice + 1 < look.step) this.completing = requestAnimationFrame(() => this.complete(look, slice + 1));
     else this.scene.show(this.camera, look);
