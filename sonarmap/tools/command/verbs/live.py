@@ -160,7 +160,8 @@ def _shown(page: "LivePage", report: Path) -> Iterator[None]:
             yield
     finally:  # an incomplete map has a report, too
         if written() != before:
-            page.show_report(report.read_text(encoding="utf-8"))
+            with suppress(KeyboardInterrupt):  # the map is complete
+                page.show_report(report.read_text(encoding="utf-8"))
 
 
 def _make_map(
