@@ -43,22 +43,19 @@ class Dive:
 
     def follow(self, stop: Event) -> None:
         """Map until `stop` is set or the input has ended; restart the mapping if it fails. At the end say so."""
-        self._follow(stop)
-        self._state = replace(self._state, status="ended")
-        self._show()
-
-    def _follow(self, stop: Event) -> None:
         again = Again()
         while not stop.is_set():
             again.begins()
             try:
                 if self._map_until(stop) and not self.is_recorded:
-                    return
+                    break
                 error: Exception = InputError("no more scans came")
             except Exception as failure:  # noqa: BLE001 - whatever it is, a recording may go on
                 error = failure
             if not stop.is_set():
                 self._pause(again, error, stop)
+        self._state = replace(self._state, status="ended")
+        self._show()
 
     def _pause(self, again: Again, error: Exception, stop: Event) -> None:
         """Report why the mapping ended, and wait until it is restarted. Raises the error if it is not."""

@@ -132,7 +132,7 @@ def command(
         )  # fmt: skip
 
     with LivePage(live.bind, live.port) as page:
-        _follow(settings, live, page, None if inputs else listening, listening.seconds, quiet or as_json)
+        _follow(settings, live, page, listening, not inputs, quiet or as_json)
         mapped = [str(final_path(Path(name))) for name in settings.inputs]
         if not _has_scans(mapped):
             clear(out)
@@ -150,16 +150,12 @@ def command(
 @contextmanager
 def _shown(page: "LivePage", report: Path) -> Iterator[None]:
     """Show the progress of the block on the page, and then the report, if one was written."""
-
-    def written() -> int:
-        return report.stat().st_mtime_ns if report.is_file() else 0
-
-    before = written()
+    before = report.stat().st_mtime_ns if report.is_file() else None
     try:
         with followed(page.making):
             yield
     finally:  # an incomplete map has a report, too
-        if written() != before:
+        if report.is_file() and report.stat().st_mtime_ns != before:
             with suppress(KeyboardInterrupt):  # the map is complete
                 page.show_report(report.read_text(encoding="utf-8"))
 
@@ -181,14 +177,9 @@ def _make_map(
 
 
 def _follow(
-    settings: "MappingSettings",
-    live: LiveOptions,
-    page: "LivePage",
-    listening: Listening | None,
-    seconds: float | None,
-    quiet: bool,
+    settings: "MappingSettings", live: LiveOptions, page: "LivePage", listening: Listening, records: bool, quiet: bool
 ) -> None:
-    """Show a dive until it ends, after `seconds` at most. `listening` are the options of the recording; None if another
+    """Show a dive until it ends. `listening` are the options of the recording and its end; without `records` another
     program records."""
     from sonarmap.tools.command.live.dive import Dive
     from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
@@ -199,11 +190,11 @@ def _follow(
     with ExitStack() as stack:
         stack.enter_context(kept_for(out, (*settings.inputs, *onto), kept_settings))
         navigation = None if live.nmea is None else stack.enter_context(NavigationLog(live.nmea, out))
-        stop = stack.enter_context(ending(seconds))
+        stop = stack.enter_context(ending(listening.seconds))
         if live.onto is not None and not has_keys(out):
             _keep_map(live.onto, out)
         show = stack.enter_context(status_line(quiet))
-        recording = None if listening is None else stack.enter_context(_recording(out, listening, stop))
+        recording = stack.enter_context(_recording(out, listening, stop)) if records else None
         # if anything fails below, the recording continues
         with suppress(OSError):
             say(f"the map is shown at {' or '.join(page.addresses)}; Ctrl-C ends the dive")

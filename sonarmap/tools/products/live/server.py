@@ -107,7 +107,8 @@ class LivePage:
         self._pages[REPORT_PATH] = page, _OF_REPORT_PAGE
         self.publish(("made", json.dumps({"kind": "made"})))
         until = time.monotonic() + _PATIENCE
-        while time.monotonic() < until and (self._feeds or any(map(_is_sending, self._reports))):
+        sending = lambda: any(each.transport.get_write_buffer_size() for each in self._reports)  # noqa: E731
+        while time.monotonic() < until and (self._feeds or sending()):
             time.sleep(_TICK)
 
     def _call(self, function: Callable[[], object]) -> None:
@@ -201,10 +202,6 @@ class LivePage:
             await connection.recv()
             await connection.close(1008, "nothing is expected")
         self._wake()
-
-
-def _is_sending(connection: ServerConnection) -> bool:
-    return connection.transport.get_write_buffer_size() > 0
 
 
 def _is_loopback(bind: str) -> bool:
