@@ -156,8 +156,7 @@ def _shown(page: "LivePage", report: Path) -> Iterator[None]:
             yield
     finally:  # an incomplete map has a report, too
         if report.is_file() and report.stat().st_mtime_ns != before:
-            with suppress(KeyboardInterrupt):  # the map is complete
-                page.show_report(report.read_text(encoding="utf-8"))
+            page.show_report(report.read_text(encoding="utf-8"))
 
 
 def _make_map(

@@ -31,7 +31,6 @@ _PATIENCE = 20.0  # for a browser that receives nothing, or a whole report [s]
 _AGAIN = 1.0  # pause before a server that failed is restarted [s]
 _ADDRESS_OF = 0x8915  # SIOCGIFADDR of Linux: the address of an interface
 _FAREWELL = 2.0  # for browsers to receive the end of the dive [s]
-_TICK = 0.1  # interval of checks whether browsers have the report [s]
 _HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -44,7 +43,7 @@ _quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # requests of st
 OWN = "sonarmap.tools.products.live"
 _OF_REPORT = ("camera", "scene", "elements", "colorings", "layers", "labels", "gestures", "map_view")
 _OWN = ("view", "live")
-REPORT_PATH = "/report"
+_REPORT = "/report"
 
 
 class LivePage:
@@ -60,8 +59,6 @@ class LivePage:
         self._kept = Kept()
         self._ending = False
         self._pages = {"/": live_page()}  # path -> HTML and Content-Security-Policy
-        self._feeds = 0  # number of browsers
-        self._reports = list[ServerConnection]()  # on which a report was asked for
 
     @property
     def address(self) -> str:
@@ -103,13 +100,9 @@ class LivePage:
         self.publish(("making", json.dumps({"kind": "making", "words": said})))
 
     def show_report(self, page: str) -> None:
-        """Have all browsers open a report, and wait until they have it, as it needs no server then."""
-        self._pages[REPORT_PATH] = page, _OF_REPORT_PAGE
+        """Have all browsers open a report, for which the end of the server waits; the report itself needs no server."""
+        self._pages[_REPORT] = page, _OF_REPORT_PAGE
         self.publish(("made", json.dumps({"kind": "made"})))
-        until = time.monotonic() + _PATIENCE
-        sending = lambda: any(each.transport.get_write_buffer_size() for each in self._reports)  # noqa: E731
-        while time.monotonic() < until and (self._feeds or sending()):
-            time.sleep(_TICK)
 
     def _call(self, function: Callable[[], object]) -> None:
         with suppress(RuntimeError):  # the loop has ended
@@ -140,7 +133,7 @@ class LivePage:
             await self._stop.wait()
             self._wake()
             if closing := [asyncio.ensure_future(browser.wait_closed()) for browser in server.connections]:
-                await asyncio.wait(closing, timeout=_FAREWELL)
+                await asyncio.wait(closing, timeout=_PATIENCE if _REPORT in self._pages else _FAREWELL)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """The page or a refusal; None for a request that may open the feed."""
@@ -155,7 +148,6 @@ class LivePage:
                 return connection.respond(HTTPStatus.FORBIDDEN, why)
         if url.path in self._pages:
             page, policy = self._pages[url.path]
-            self._reports += [connection] if url.path == REPORT_PATH else []
             response = connection.respond(HTTPStatus.OK, page)
             del response.headers["Content-Type"]
             own = {"Content-Type": "text/html; charset=utf-8", "Content-Security-Policy": policy}
@@ -179,21 +171,19 @@ class LivePage:
         if len(connection.server.connections) > MOST_BROWSERS:
             return await connection.close(1013, f"{MOST_BROWSERS} browsers show the page already; close one")
         listening, reached = asyncio.create_task(self._listen(connection)), dict[type, int]()
-        self._feeds += 1
         try:
             while not listening.done():
                 news, messages = self._news, self._kept.after(reached)
                 for message in messages:
                     async with asyncio.timeout(_PATIENCE):
                         await connection.send(message)
-                if not messages and self._ending:
+                if not messages and self._ending and _REPORT not in self._pages:
                     break
                 if not messages:
                     await news.wait()
         except (ConnectionClosed, TimeoutError):
             connection.transport.abort()
         finally:
-            self._feeds -= 1
             listening.cancel()
 
     async def _listen(self, connection: ServerConnection) -> None:

@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from threading import Thread
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -186,11 +185,9 @@ def test_the_page_becomes_the_report(content: Content, bind: str) -> None:
         publish(live, dive, 3)
         live.making("mapping: 2 of 3")
         wait_until(page, "document.querySelector('#link').innerText.includes('mapping: 2 of 3')")
-        served = Thread(target=live.show_report, args=(report_text(content),))
-        served.start()
+        live.show_report(report_text(content))
         page.wait_for_url("**/report*")
         wait_until(page, "window.sonarmap?.view?.frames > 0 && sonarmap.content")
-        served.join()
         live.__exit__()
         page.click("text=Measure a distance")
         assert "Click on the first point" in page.inner_text("#picked")

@@ -205,17 +205,18 @@ def test_a_report_is_served_whole_before_the_server_ends() -> None:
         answers.append((status, text))
         connection.close()
 
-    with LivePage("0.0.0.0") as live:
-        token = urlsplit(live.address).query
-        assert answer(live, f"/report?{token}", Host="127.0.0.1")[0] == 404
-        with feed(live) as connection:
+    with ExitStack() as browsers:
+        with LivePage("0.0.0.0") as live:
+            token = urlsplit(live.address).query
+            assert answer(live, f"/report?{token}", Host="127.0.0.1")[0] == 404
+            connection = browsers.enter_context(feed(live))
             live.making("mapping: 3 of 7")
             assert "mapping: 3 of 7" in json.loads(connection.recv(5))["words"]
-            browser = Thread(target=browse, args=(live, connection))
-            browser.start()
             live.show_report(report)
             assert answer(live, "/report", Host="127.0.0.1")[0] == 403
-    browser.join()
+            browser = Thread(target=browse, args=(live, connection))
+            browser.start()
+        browser.join()
     assert answers == [(200, report)]
 
 
