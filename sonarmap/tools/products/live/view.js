@@ -37,12 +37,8 @@ class Dive {
     return { kind: "cloud", cloud };
   }
 
-  isIn(part, key) {
-    return this.poses[key]?.part === part;
-  }
-
   cloudsIn(part) {
-    return [...this.clouds.values()].filter(({ key }) => this.isIn(part, key));
+    return [...this.clouds.values()].filter(({ key }) => this.poses[key]?.part === part);
   }
 
   /** Point k of a cloud, in the frame of its part [m]. */
@@ -63,7 +59,7 @@ class Dive {
 
   /** Lines between these pairs of key scans, of those that are in this part. */
   between(part, pairs) {
-    return pairs.filter((pair) => pair.every((key) => this.isIn(part, key))).map((pair) => pair.map((key) => this.poses[key].place));
+    return pairs.filter((pair) => pair.every((key) => this.poses[key]?.part === part)).map((pair) => pair.map((key) => this.poses[key].place));
   }
 
   /** The track from key scan to key scan, without those of a finished map. */
@@ -105,7 +101,7 @@ class LiveView extends MapView {
 
   measureField() {
     const { last } = this.dive, { vehicle } = this.seen();
-    if (!vehicle || !last?.count || !this.dive.isIn(this.part.number, last.key)) return;
+    if (!vehicle || !last?.count || this.dive.poses[last.key]?.part !== this.part.number) return;
     const own = this.dive.samplesOf(last, RIM_SAMPLES).map((place) => toSensor(vehicle, place));
     const rim = [(1 - MOST) / 2, (1 + MOST) / 2];
     this.field = {
@@ -207,7 +203,7 @@ class LiveView extends MapView {
     const texelOf = (key) => clamped((254 * (of(key) - ends[0])) / (ends[1] - ends[0] || 1));
     const clouds = dive.cloudsIn(number).map((cloud) =>
       ({ name: `${cloud.key}`, tiles: [tileOf(cloud)], texel: of ? texelOf(cloud.key) : BY_HEIGHT }));
-    if (last && dive.isIn(number, last.key)) clouds.push({ name: "last", tiles: [tileOf(last)], texel: LAST_TEXEL, larger: 0.7, whole: true });
+    if (last && dive.poses[last.key]?.part === number) clouds.push({ name: "last", tiles: [tileOf(last)], texel: LAST_TEXEL, larger: 0.7, whole: true });
     const from = this.colored === "distance" ? this.seen().vehicle?.place : null;
     return { clouds, voxel: WIDE * this.field.far, range: ends, from, labels: this.showVehicle() };
   }

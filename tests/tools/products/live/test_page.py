@@ -124,7 +124,7 @@ RESTED = """async () => {
     view.fit = () => {};
     const whole = new Promise((shown) => (view.scene.show = function (camera, look) {
         show.call(this, camera, look);
-        if (!look.alone) shown(look.step);
+        if (!look.alone) shown(look.slices);
     }));
     for (let k = 0; k < 40; k++) {
         view.camera.turn(0.01, 0);
@@ -139,12 +139,15 @@ def pixels(picture: bytes) -> np.ndarray:
     return np.asarray(Image.open(BytesIO(picture)).convert("RGB")).astype(int)
 
 
-def test_a_view_at_rest_is_drawn_in_slices_as_it_is_at_once() -> None:
+@pytest.mark.parametrize(("keys", "slices"), [(20, 12), (130, 18)])
+@pytest.mark.quick_cases(1)
+def test_a_view_at_rest_is_drawn_in_slices_as_it_is_at_once(keys: int, slices: int) -> None:
     with LivePage() as live, opened(live) as shown:
         page, canvas = shown.page, shown.page.locator("#canvas")
-        publish(live, KnownDive(per_scan=2000), 20)
-        wait_until(page, "sonarmap.dive.clouds.size === 20 && !sonarmap.view.refreshing && !sonarmap.view.waiting")
-        assert page.evaluate(RESTED) == 11  # the last scan has points, too
+        publish(live, KnownDive(per_scan=40_000 // keys), keys)
+        loaded = f"sonarmap.dive.state.keys === {keys} && sonarmap.dive.clouds.size === {keys} && sonarmap.dive.last"
+        wait_until(page, f"{loaded} && !sonarmap.view.refreshing && !sonarmap.view.waiting")
+        assert page.evaluate(RESTED) == slices
         in_slices = pixels(canvas.screenshot())
         page.evaluate("sonarmap.view.budget = Infinity; sonarmap.view.request()")
         wait_until(page, "!sonarmap.view.waiting")

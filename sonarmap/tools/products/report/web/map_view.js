@@ -4,7 +4,8 @@
 const [SLOW, QUICK] = [36, 20]; // frames [ms] after which fewer points are drawn, and more
 const [LEAST_BUDGET, FIRST_BUDGET, MOST_BUDGET] = [15, 19, 22].map((power) => 2 ** power); // points of a frame: at least, at first, at most
 const PIXELS = 8; // of a frame, for each of its points
-const MOST_SLICES = 42; // WebGL allows no wider steps from a point to the next
+const MOST_STEP = 42; // from a point to the next: WebGL allows no wider ones
+const CLOUD = 256; // points that take as long to draw as a cloud without any takes
 const STILL = 400, STEADY = 30; // without a change for so long all points are drawn [ms]; quick frames before more are [frames]
 
 class MapView {
@@ -34,14 +35,15 @@ class MapView {
     if (!this.part) return;
     const { camera, heights, scene } = this, { labels, ...own } = this.look(), ratio = Math.min(2, window.devicePixelRatio || 1);
     const count = own.clouds.flatMap(({ tiles }) => tiles).reduce((points, tile) => points + tile.count, 0);
-    const step = Math.min(MOST_SLICES, Math.ceil(count / this.budget) || 1);
+    const groups = Math.ceil((CLOUD * own.clouds.length) / this.budget) || 1;
+    const slices = groups * Math.min(MOST_STEP, Math.ceil(count / this.budget / groups) || 1);
     const share = Math.min(1, Math.sqrt((PIXELS * this.budget) / (camera.width * camera.height * ratio ** 2)));
-    const look = { ground: this.ground(), heights, step, ratio, ...own }, fast = { ...look, alone: true, ratio: share * ratio };
+    const look = { ground: this.ground(), heights, groups, slices, ratio, ...own }, fast = { ...look, alone: true, ratio: share * ratio };
     scene.gather(camera, fast, 0);
     scene.show(camera, fast);
     putLabels(this, labels);
     [this.frames, this.drawn] = [this.frames + 1, now];
-    if (step > 1 || share < 1) this.resting = setTimeout(() => this.complete(look, 0), STILL);
+    if (slices > 1 || share < 1) this.resting = setTimeout(() => this.complete(look, 0), STILL);
     requestAnimationFrame((next) => (this.waiting || this.drawn === next) && this.fit(next - now)); // of a movement
   }
 
@@ -49,7 +51,7 @@ class MapView {
   complete(look, slice) {
     if (this.waiting) return;
     this.scene.gather(this.camera, look, slice);
-    if (slice + 1 < look.step) this.completing = requestAnimationFrame(() => this.complete(look, slice + 1));
+    if (slice + 1 < look.slices) this.completing = requestAnimationFrame(() => this.complete(look, slice + 1));
     else this.scene.show(this.camera, look);
   }
 

@@ -181,9 +181,9 @@ class Scene {
 
   /**
    * Add a slice of the points to the picture, which begins anew with slice 0: {ground: [r, g, b] 0 to 1, clouds: those to draw, of
-   * which a `whole` one comes with the last slice, voxel: its edge [m], step: number of slices that hold all points, alone: whether
-   * only one is drawn, ratio: pixels of the picture to one of the page, heights: the lowest and the highest that are shown [m], range:
-   * heights at the ends of the palette [m], or distances from the place `from`}.
+   * which a `whole` one comes with the last slice, voxel: its edge [m], slices: number of those that hold all points, groups: of
+   * clouds, of which a slice has one, alone: whether it is the only slice, ratio: pixels of the picture to one of the page, heights:
+   * the lowest and the highest that are shown [m], range: heights at the ends of the palette [m], or distances from the place `from`}.
    */
   gather(camera, look, slice) {
     const { gl } = this, size = [camera.width, camera.height].map((edge) => Math.round(edge * look.ratio));
@@ -237,9 +237,11 @@ class Scene {
     gl.uniform2fv(uniforms.range, look.from ? look.range : lessTarget(look.range));
     gl.uniform4f(uniforms.from, ...(look.from ? [...minus(look.from, camera.target), 1] : [0, 0, 0, 0]));
     gl.bindTexture(gl.TEXTURE_2D, this.palette);
-    for (const cloud of look.clouds)
-      if (!cloud.whole) this.drawCloud(cloud, camera, look, slice);
-      else if (look.alone || slice + 1 === look.step) this.drawCloud(cloud, camera, { ...look, step: 1 }, 0);
+    const { alone, groups, slices } = look;
+    look.clouds.forEach((cloud, k) => {
+      if (cloud.whole && (alone || slice + 1 === slices)) this.drawCloud(cloud, camera, look, 0, 1);
+      else if (!cloud.whole && k % groups === slice % groups) this.drawCloud(cloud, camera, look, Math.floor(slice / groups), slices / groups);
+    });
   }
 
   /** Edge of a point's square at a distance of 1 m [pixels]. */
@@ -247,13 +249,13 @@ class Scene {
     return (voxel * camera.height) / (2 * Math.tan(FIELD / 2));
   }
 
-  /** Draw a slice of the tiles [{start, count, origin [m], turn}] of a name; `texel` of points without own colors, `larger` by a factor. */
-  drawCloud({ name, tiles, texel = BY_HEIGHT, larger = 1 }, camera, { alone, voxel, ratio, step }, slice) {
+  /** Draw every so many points of the tiles [{start, count, origin [m], turn}] of a name; `texel` of points without own colors, `larger` by a factor. */
+  drawCloud({ name, tiles, texel = BY_HEIGHT, larger = 1, whole }, camera, { alone, voxel, ratio, slices }, first, step) {
     const { gl } = this, { uniforms } = this.pointProgram;
     const { points: { places, quantum }, buffer, colors } = this.clouds.get(name);
     const type = places instanceof Int16Array ? gl.SHORT : gl.UNSIGNED_SHORT;
     gl.uniform1f(uniforms.quantum, quantum);
-    gl.uniform1f(uniforms.edge, this.edge(camera, larger * voxel) * ratio * (alone ? step ** GROWTH : 1));
+    gl.uniform1f(uniforms.edge, this.edge(camera, larger * voxel) * ratio * (alone && !whole ? slices ** GROWTH : 1));
     gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => larger * size * ratio));
     gl.enableVertexAttribArray(PLACE);
     gl[colors ? "enableVertexAttribArray" : "disableVertexAttribArray"](TEXEL);
@@ -262,12 +264,12 @@ class Scene {
       gl.uniform4fv(uniforms.turn, turn);
       gl.uniform3fv(uniforms.corner, minus(origin, camera.target));
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.vertexAttribPointer(PLACE, 3, type, false, BYTES * step, BYTES * (start + slice));
+      gl.vertexAttribPointer(PLACE, 3, type, false, BYTES * step, BYTES * (start + first));
       if (colors) {
         gl.bindBuffer(gl.ARRAY_BUFFER, colors);
-        gl.vertexAttribPointer(TEXEL, 1, gl.UNSIGNED_BYTE, false, step, start + slice);
+        gl.vertexAttribPointer(TEXEL, 1, gl.UNSIGNED_BYTE, false, step, start + first);
       }
-      gl.drawArrays(gl.POINTS, 0, Math.max(0, Math.ceil((count - slice) / step)));
+      gl.drawArrays(gl.POINTS, 0, Math.max(0, Math.ceil((count - first) / step)));
     }
   }
 
