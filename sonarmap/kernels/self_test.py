@@ -19,7 +19,7 @@ from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.kernels.so3.correlation import RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 from sonarmap.kernels.surface.cells import Elements, find_nearest, fit_planes, sort_into_cells
-from sonarmap.kernels.surface.refinement import Refinement, Weighting
+from sonarmap.kernels.surface.refinement import Noise, Refinement, Weighting
 
 _FFT_TOLERANCE = 2e-6  # largest relative error of a transform, 5 times that of PoCL
 # the last has odd radices, and a size that is no multiple of any device's alignment
@@ -124,11 +124,11 @@ def _surfaces(device: Device) -> Iterator[Measured]:
         for each in (cells, sort_into_cells(device, source))
     ]
     weighting = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
-    steps = Refinement(device, surfaces[0], surfaces[1], 2000, weighting, None)
-    steps.begin(turn.as_matrix()[None], shift[None], np.zeros(1), None)
+    steps = Refinement(device, *surfaces, 2000, weighting, Noise(1e-3, 2.0, 0.02, 1e-4, 0.1))
+    steps.begin(turn.as_matrix()[None], shift[None], np.zeros(1))
     for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
-        steps.step(reach, alone=True)
-    steps.step(1.5, alone=False)
+        steps.step(reach)
+    steps.step(1.5, moves=False)
     last = steps.end()
     record = last.read()
     angle = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))

@@ -11,8 +11,8 @@ typedef float8 real8;
 #endif
 // The record of a pose: its state (9 numbers of the rotation, 3 of the shift, the width, which is the median gap
 // between the surfaces, and 2 stretches); the sums of a step (3 matrices 8 x 8, a gradient, the total weight and the
-// weighted squared gaps); 6 axes of 8 numbers, 6 of them used; 8 doubts, 6 of them used; and the state after the last
-// step by the pairs alone.
+// weighted squared gaps); 6 axes of 8 numbers, 6 of them used; 8 doubts, 6 of them used; the state after the last
+// step; the residuals of instruments, 0 beyond their number; and the step by the pairs alone.
 #define SHIFT 9
 #define WIDTH 12
 #define STRETCH 13
@@ -20,7 +20,9 @@ typedef float8 real8;
 #define AXES 224
 #define DOUBTS 272
 #define NEXT 280
-#define RECORD 296
+#define OFF 296
+#define ALONE 302
+#define RECORD 308
 #define STATE 15
 // Offsets among the sums.
 #define SUMS_COUNT 208
@@ -29,6 +31,13 @@ typedef float8 real8;
 #define GRADIENT 192
 #define TOTAL 200
 #define SQUARES 201
+// The measurements by instruments: the residuals' derivatives by the step (6 x 6, a row for each residual), the
+// covariance of errors that all points of a scan share, the shortest step for each residual (6 x 6, in columns), and
+// the chi-squared values from which and up to which scans that contradict the instruments get less weight.
+#define SYSTEMATIC 36
+#define SHORTEST 72
+#define BELIEVED 108
+#define TERM 110
 
 static float16 pose_of(__global const real* const record) {
     return (float16)(record[0], record[1], record[2], record[9], record[3], record[4], record[5], record[10], record[6], record[7],

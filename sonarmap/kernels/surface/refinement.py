@@ -3,7 +3,7 @@
 The poses stay on the device between the steps. The host reads a `Record` of the last step, when it needs one.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 
 import numpy as np
@@ -21,7 +21,10 @@ SUMS = 16  # first of the sums
 SUMS_COUNT = 208
 DOUBTS = 272  # first of the doubts
 NEXT = 280  # first of the next state
-LENGTH = 296
+OFF = 296  # first of the instruments' residuals
+ALONE = 302  # first of the step by the pairs alone
+LENGTH = 308
+TERM = 110  # numbers of the instruments' measurements
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +43,12 @@ class Record:
     total: np.ndarray  # (k,) sum of the weights
     squares: np.ndarray  # (k,) weighted sum of the squared gaps
     doubts: np.ndarray  # (k, 6) sums of the squares of each pair's share of `shared` along the principal axes
-    # the state after a step by the pairs alone
+    # the state after the step, by the pairs and the instruments
     next_turn: np.ndarray
     next_shift: np.ndarray
     next_stretch: np.ndarray
+    off: np.ndarray  # (k, 6) residuals of instruments before the step, as in `Measured`
+    alone: np.ndarray  # (k, 6) the step by the pairs alone, rotation first [rad, voxels]
 
     @classmethod
     def of(cls, rows: np.ndarray) -> "Record":
@@ -66,17 +71,9 @@ class Record:
             next_turn=following[:, :9].reshape(-1, 3, 3),
             next_shift=following[:, 9:12],
             next_stretch=following[:, 13:],
+            off=rows[:, OFF : OFF + 6],
+            alone=rows[:, ALONE : ALONE + 6],
         )
-
-
-def state_rows(turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: np.ndarray | None) -> np.ndarray:
-    """First rows (k, LENGTH) float64, of rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2)."""
-    rows = np.zeros((len(shift), LENGTH))
-    rows[:, :9], rows[:, 9:12], rows[:, 12] = turn.reshape(-1, 9), shift, width
-    rows[:, 13:STATE] = 0 if stretch is None else stretch
-    if not np.isfinite(rows).all():
-        raise InputError(f"a pose to refine is not finite: rotations {turn.tolist()}, shifts {shift.tolist()}")
-    return rows
 
 
 _PART = 128  # pairs of a work-item on a CPU, of a group on a GPU
@@ -93,19 +90,37 @@ class Weighting:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretching:
-    """Prior of the stretches: the variance of the gaps over that of a stretch is known * width^power."""
+class Noise:
+    """The variance of the gaps is scale * width^power [voxels^2]."""
 
-    known: float
+    scale: float
     power: float
-    narrowest: float  # least width in the formula
+    narrowest: float  # least width in the formula [voxels]
+    stretched: float  # variance of a stretch of the ranges
+    usual: float  # share of the variance without rare large errors
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Measurements by instruments, linearized about k poses: at most 6 uncorrelated residuals of variance 1."""
+
+    off: np.ndarray  # (k, 6) residuals, 0 beyond their number
+    jacobian: np.ndarray  # (k, 6, 6) derivatives of the residuals, in rows, by turn and shift [1/rad, 1/voxels]
+    systematic: np.ndarray  # (k, 6, 6) covariance of errors that all points of a scan share
+    shortest: np.ndarray  # (k, 6, 6) in columns, the shortest step that makes each residual 1
+    limits: tuple[float, float]  # chi-squared values from which and up to which scans get less weight
+
+    def rows(self) -> np.ndarray:
+        """(k, TERM) in the layout of real.cl."""
+        matrices = np.stack([self.jacobian, self.systematic, self.shortest], axis=1).reshape(len(self.off), -1)
+        return np.hstack([matrices, np.tile(self.limits, (len(self.off), 1))])
 
 
 @dataclass(frozen=True, slots=True)
 class LastStep:
     """Result of the last step of a refinement."""
 
-    poses: cla.Array  # device (k, 16) float32, the poses after a step by the pairs alone, as from `upload_poses`
+    poses: cla.Array  # device (k, 16) float32, the poses after the step, as from `upload_poses`
     rows: Readback  # of a `Record`, on their way to the host
 
     def read(self) -> Record:
@@ -120,13 +135,16 @@ class Refinement:
         source: Elements,
         most: int,
         weighting: Weighting,
-        stretching: Stretching | None,
+        noise: Noise,
+        stretches: bool = False,
     ) -> None:
-        """Prepare steps with at most `most` points of each surface, evenly thinned; without `stretching` scans are
+        """Prepare steps with at most `most` points of each surface, evenly thinned; unless a scan `stretches`, it is
         rigid."""
-        self.device, self._weighting, self._stretching = device, weighting, stretching
+        self.device, self._weighting = device, weighting
         self._real = np.float64 if "cl_khr_fp64" in device.cl_device.extensions else np.float32
         self._launch = partial(launch, device, FP64=int(self._real is np.float64))
+        self._noise = [self._real(value) for value in astuple(noise)]
+        self._stretches = np.int32(stretches)
         self._surfaces: list[cla.Array | np.generic] = []
         for surface in (target, source):
             count, step = surface.thinned(most)
@@ -134,54 +152,66 @@ class Refinement:
         self._count = target.thinned(most)[0] + source.thinned(most)[0]
         self._parts = -(-self._count // _PART)
 
-    def begin(self, turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: np.ndarray | None) -> None:
-        """Set the state of k poses before the first step; arguments as in `Record`."""
-        rows = state_rows(turn, shift, width, stretch)
-        self._take(self.device.to_device(rows.astype(self._real)))
+    def begin(
+        self,
+        turn: np.ndarray,
+        shift: np.ndarray,
+        width: np.ndarray,
+        stretch: np.ndarray | None = None,
+        measured: Measured | None = None,
+    ) -> None:
+        """Set the state of k poses before the first step, and what instruments measured; arguments as in `Record`."""
+        rows = np.zeros((len(shift), LENGTH))
+        rows[:, :9], rows[:, 9:12], rows[:, 12] = turn.reshape(-1, 9), shift, width
+        rows[:, 13:STATE] = 0 if stretch is None else stretch
+        if measured is not None:
+            rows[:, OFF : OFF + 6] = measured.off
+        if not np.isfinite(rows).all():
+            raise InputError(f"a pose to refine is not finite: rotations {turn.tolist()}, shifts {shift.tolist()}")
+        self._measured = np.int32(measured is not None)
+        terms = np.zeros((1, TERM)) if measured is None else measured.rows()
+        self._take(*(self.device.to_device(array.astype(self._real)) for array in (rows, terms)))
 
     def begin_after(self, other: "Refinement") -> None:
         """Take over the poses of another refinement, on the device; the other one must not be used any more."""
-        self._take(other._records)
+        self._measured = other._measured
+        self._take(other._records, other._terms)
 
-    def _take(self, records: cla.Array) -> None:
+    def _take(self, records: cla.Array, terms: cla.Array) -> None:
         poses = len(records)
         if not hasattr(self, "_rows") or self._rows.shape[0] != poses:
             self._rows = self.device.empty((poses, self._count, 16))
             self._sums = self.device.empty((poses, self._parts, SUMS_COUNT), self._real)
             self._poses = self.device.empty((poses, 16))
-        self._records = records
+        self._records, self._terms = records, terms
 
-    def step(self, reach: float, alone: bool) -> None:
-        """Queue a step by the pairs within reach [voxels]. With `alone` the poses move by the pairs' solution; else
-        they stay, and `end` returns the sums and the solution, for a caller with further information."""
+    def step(self, reach: float, moves: bool = True) -> None:
+        """Queue a step by the pairs within reach [voxels], and by the instruments. Unless it `moves` the poses, they
+        stay, and `end` returns the sums and the step."""
         self._pair(reach)
-        count, stretches = np.int32(self._count), np.int32(self._stretching is not None)
         cpu, poses = self.device.is_cpu, self._rows.shape[0]
         group = (1 if cpu else 256, 1)
-        size = (self._parts * group[0], poses)
-        arguments = self._rows, self._records, self._sums, count, np.float32(self._weighting.scale), stretches
+        size, arguments = (self._parts * group[0], poses), self._pairs()
         self._launch("surface/equations", "add_up", size, *arguments, group=group, LANES=group[0], PART=_PART)
-        known = self._stretching or Stretching(0.0, 0.0, 1.0)
-        numbers = [self._real(value) for value in (known.known, known.power, known.narrowest)]
         lanes = 1 if cpu else 64
-        arguments = self._sums, self._records, self._poses, np.int32(self._parts), np.int32(alone), stretches, *numbers
-        self._launch("surface/solve", "solve", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)
-
-    def record(self) -> Record:
-        """The record of the last step, without the doubts; waits for the device."""
-        return Record.of(Readback(self.device, self._records).read())
+        arguments = self._sums, self._records, self._terms, self._poses, np.int32(self._parts), np.int32(moves)
+        numbers = self._measured, self._stretches, *self._noise
+        self._launch("surface/solve", "solve", (lanes, poses), *arguments, *numbers, group=(lanes, 1), LANES=lanes)
 
     def end(self) -> "LastStep":
         """The result of the last step, which must not have moved the poses; its read is queued."""
-        poses, stretches = self._rows.shape[0], np.int32(self._stretching is not None)
-        count, parts = np.int32(self._count), np.int32(self._parts)
         # the sums are added up by now: the doubts may overwrite them
-        arguments = self._rows, self._records, self._sums, count, np.float32(self._weighting.scale), stretches
-        lanes = 1 if self.device.is_cpu else 256
-        self._launch("surface/equations", "add_doubts", (8 * self._parts, poses), *arguments, LANES=lanes, PART=_PART)
-        lanes = 1 if self.device.is_cpu else 64
-        self._launch("surface/solve", "add_parts", (8, poses), self._sums, self._records, parts, LANES=lanes)
+        lanes, size = 1 if self.device.is_cpu else 256, (8 * self._parts, self._rows.shape[0])
+        self._launch("surface/equations", "add_doubts", size, *self._pairs(), LANES=lanes, PART=_PART)
+        lanes, size = 1 if self.device.is_cpu else 64, (8, self._rows.shape[0])
+        arguments = self._sums, self._records, np.int32(self._parts)
+        self._launch("surface/solve", "add_parts", size, *arguments, LANES=lanes)
         return LastStep(self._poses, Readback(self.device, self._records))
+
+    def _pairs(self) -> tuple[cla.Array | np.generic, ...]:
+        """The arguments of the kernels that sum over pairs."""
+        numbers = np.int32(self._count), np.float32(self._weighting.scale), self._stretches
+        return self._rows, self._records, self._sums, *numbers
 
     def _pair(self, reach: float) -> None:
         """Queue the pairs within reach, and their median gap if the reach is large enough to measure it."""

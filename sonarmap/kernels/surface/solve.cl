@@ -1,13 +1,19 @@
 // Add up the sums of a step, solve its normal equations, and find the principal axes of the information on a pose.
 //
-// Layout: records (k, RECORD) as in real.cl; parts (k, parts, SUMS_COUNT or 8) from equations.cl; poses (k) float16,
-// the rows of [R | t] in the first 12, after the last step. A turn is a rotation in the target's axes about the
-// source's grid center; see tests/kernels/surface/steps.py for the same in NumPy.
+// Layout: records (k, RECORD) as in real.cl; parts (k, parts, SUMS_COUNT or 8) from equations.cl; terms (k, TERM), the
+// instruments' measurements with unit covariance, linearized about the first pose; poses (k) float16, the rows of
+// [R | t] in the first 12, after the last step. A turn is a rotation in the target's axes about the source's grid
+// center; see tests/kernels/surface/steps.py for the same in NumPy.
 #include "surface/real.cl"
 #ifndef LANES
 #define LANES 1
 #endif
 #define DAMPING (real)1e-9
+// Information that damps the step where neither scans nor instruments constrain the pose.
+#define STAY (real)1e-6
+// Ratio of shared to whole information from which it is not due to noise.
+#define AGREEING (real)0.3
+#define UNKNOWN (real)1e6
 
 // Solve the symmetric A x = b by L D L^T; A is overwritten. In an unconstrained direction rounding may leave a pivot
 // below `least`, the damping, which then takes its place.
@@ -50,39 +56,44 @@ static void move(real state[STATE], const real step[6]) {
     for (int i = 0; i < 3; ++i) state[SHIFT + i] += step[3 + i];
 }
 
-// A Gauss-Newton step of a pose and, with `stretches`, of opposite stretches, whose prior is the variance of the gaps
-// over that of a stretch: known * width^power.
-static void step_alone(__global const real* const sums, real state[STATE], const int stretches,
-                       const real known, const real power, const real narrowest) {
+// A Gauss-Newton step of a pose with opposite stretches, if there are any, whose prior has the information `held`.
+static void step_alone(__global const real* const sums, const real state[STATE], const int stretches, const real held,
+                       real step[6]) {
     real A[6][6];
     real b[6];
-    real step[6];
-    const real held = stretches ? known * pow(fmax(state[WIDTH], narrowest), power) : 0;
     // the mean of both stretches is not estimated: it stays
     const real common = (state[STRETCH] + state[STRETCH + 1]) / 2;
     const real apart = (state[STRETCH] - state[STRETCH + 1]) / 2;
     const real between = sums[6 * 8 + 6] - 2 * sums[6 * 8 + 7] + sums[7 * 8 + 7] + 2 * held;
     const real pull = sums[GRADIENT + 6] - sums[GRADIENT + 7] + 2 * held * apart;
     const real by_common = stretches ? common * (sums[6 * 8 + 6] - sums[7 * 8 + 7]) : 0;
-    real across[6];
     real trace = 0;
-    for (int i = 0; i < 6; ++i) across[i] = stretches ? sums[i * 8 + 6] - sums[i * 8 + 7] : 0;
     for (int i = 0; i < 6; ++i) {
+        const real across = stretches ? sums[i * 8 + 6] - sums[i * 8 + 7] : 0;
         b[i] = -sums[GRADIENT + i];
         if (stretches)
-            b[i] += common * (sums[i * 8 + 6] + sums[i * 8 + 7]) + across[i] * (pull - by_common) / between;
-        for (int j = 0; j < 6; ++j) A[i][j] = sums[i * 8 + j] - (stretches ? across[i] * across[j] / between : 0);
+            b[i] += common * (sums[i * 8 + 6] + sums[i * 8 + 7]) + across * (pull - by_common) / between;
+        for (int j = 0; j < 6; ++j)
+            A[i][j] = sums[i * 8 + j] - (stretches ? across * (sums[j * 8 + 6] - sums[j * 8 + 7]) / between : 0);
         trace += A[i][i];
     }
     const real damping = DAMPING * (trace + DAMPING);
     for (int i = 0; i < 6; ++i) A[i][i] += damping;
     solve6(A, b, step, damping);
-    move(state, step);
-    if (!stretches) return;
-    real rest = pull;
-    for (int i = 0; i < 6; ++i) rest += across[i] * step[i];
-    state[STRETCH] -= rest / between;
-    state[STRETCH + 1] += rest / between;
+}
+
+// Change the stretches for a step of the pose: oppositely, or each freely if instruments measured the pose.
+static void stretch(__global const real* const sums, real state[STATE], const real step[6], const bool freely,
+                    const real held) {
+    real rest[2];
+    for (int k = 0; k < 2; ++k) {
+        rest[k] = sums[GRADIENT + 6 + k] + held * state[STRETCH + k];
+        for (int i = 0; i < 6; ++i) rest[k] += sums[(6 + k) * 8 + i] * step[i];
+    }
+    const real a = sums[6 * 8 + 6] + held, b = sums[6 * 8 + 7], d = sums[7 * 8 + 7] + held;
+    const real apart = (rest[0] - rest[1]) / (a - 2 * b + d), determinant = a * d - b * b;
+    state[STRETCH] -= freely ? (d * rest[0] - b * rest[1]) / determinant : apart;
+    state[STRETCH + 1] -= freely ? (a * rest[1] - b * rest[0]) / determinant : -apart;
 }
 
 // Eigenvectors of a symmetric matrix in the columns of V, by Jacobi's method; A keeps the eigenvalues on its diagonal.
@@ -116,6 +127,108 @@ static void eigenvectors6(real A[6][6], real V[6][6]) {
     }
 }
 
+// The symmetric part of a matrix 8 x 8 with the stretches, of the information `held`, eliminated: the Schur complement.
+static void of_pose(__global const real* const sums, const int stretches, const real held, real A[6][6]) {
+    const real a = sums[6 * 8 + 6] + held, b = (sums[6 * 8 + 7] + sums[7 * 8 + 6]) / 2, d = sums[7 * 8 + 7] + held;
+    real first[6], second[6];
+    for (int i = 0; i < 6; ++i) {
+        first[i] = (sums[i * 8 + 6] + sums[6 * 8 + i]) / 2;
+        second[i] = (sums[i * 8 + 7] + sums[7 * 8 + i]) / 2;
+    }
+    for (int i = 0; i < 6; ++i) {
+        for (int j = 0; j < 6; ++j) {
+            A[i][j] = (sums[i * 8 + j] + sums[j * 8 + i]) / 2;
+            if (stretches)
+                A[i][j] -= (d * first[i] * first[j] - b * (first[i] * second[j] + second[i] * first[j]) +
+                            a * second[i] * second[j]) / (a * d - b * b);
+        }
+    }
+}
+
+static void product(real A[6][6], real B[6][6], const bool transposed, real out[6][6]) {
+    for (int i = 0; i < 6; ++i)
+        for (int j = 0; j < 6; ++j) {
+            out[i][j] = 0;
+            for (int k = 0; k < 6; ++k) out[i][j] += (transposed ? A[k][i] : A[i][k]) * B[k][j];
+        }
+}
+
+// A matrix whose product with its transpose is the covariance of the pose by the planes, without rare large errors, but
+// larger in directions that noise alone seems to constrain; `variance` is that of the gaps, of which `usual` is not due
+// to such errors.
+static void planes_root(__global const real* const sums, const int stretches, const real held, const real variance,
+                        const real usual, real root[6][6]) {
+    real A[6][6], V[6][6], W[6][6], B[6][6];
+    of_pose(sums + WHOLE, stretches, held, A);
+    real trace = 0;
+    for (int i = 0; i < 6; ++i) trace += A[i][i];
+    const real damping = DAMPING * (trace + DAMPING);
+    for (int i = 0; i < 6; ++i) A[i][i] += damping;
+    eigenvectors6(A, V);
+    for (int i = 0; i < 6; ++i)
+        for (int k = 0; k < 6; ++k) W[i][k] = V[i][k] / sqrt(fmax(A[k][k], damping));
+    of_pose(sums + SHARED, stretches, held, A);
+    product(W, A, true, B);
+    product(B, W, false, A);
+    eigenvectors6(A, V);
+    product(W, V, false, root);
+    for (int k = 0; k < 6; ++k) {
+        const real doubt = clamp(usual * AGREEING / fmax(A[k][k], (real)1e-9), usual, (real)1);
+        for (int i = 0; i < 6; ++i) root[i][k] *= sqrt(variance * doubt);
+    }
+}
+
+// Change the step by the pairs alone to that by pairs and instruments, whose residuals are `off`. If the pose by the
+// pairs deviates from the measurement by more than `BELIEVED`, a chi-squared, their covariance grows along it.
+static void combine(real root[6][6], __global const real* const off, __global const real* const term,
+                    real step[6]) {
+    real covariance[6][6], J[6][6], JC[6][6], together[6][6], information[6][6], there[6], x[6], along[6];
+    for (int i = 0; i < 6; ++i)
+        for (int j = 0; j < 6; ++j) {
+            J[i][j] = term[i * 6 + j];
+            covariance[i][j] = term[SYSTEMATIC + i * 6 + j];
+            for (int k = 0; k < 6; ++k) covariance[i][j] += root[i][k] * root[j][k];
+        }
+    product(J, covariance, false, JC);
+    for (int i = 0; i < 6; ++i) {
+        there[i] = off[i];
+        for (int j = 0; j < 6; ++j) {
+            there[i] += J[i][j] * step[j];
+            together[i][j] = i == j;
+            for (int k = 0; k < 6; ++k) together[i][j] += JC[i][k] * J[j][k];
+        }
+    }
+    solve6(together, there, x, 1);
+    real squared = 0;
+    for (int i = 0; i < 6; ++i) {
+        squared += there[i] * x[i];
+        along[i] = 0;
+        for (int j = 0; j < 6; ++j) along[i] += term[SHORTEST + i * 6 + j] * there[j];
+    }
+    const real believed = term[BELIEVED], distorted = term[BELIEVED + 1];
+    const real factor = fmax(squared - believed, (real)0) / fmax(distorted - squared, distorted / UNKNOWN);
+    for (int i = 0; i < 6; ++i)
+        for (int j = 0; j < 6; ++j) covariance[i][j] += factor / fmax(squared, believed) * along[i] * along[j];
+    for (int i = 0; i < 6; ++i) {
+        real A[6][6], axis[6];
+        for (int j = 0; j < 6; ++j) {
+            axis[j] = i == j;
+            for (int k = 0; k < 6; ++k) A[j][k] = covariance[j][k];
+        }
+        solve6(A, axis, information[i], (real)1e-30f);
+    }
+    for (int i = 0; i < 6; ++i) {
+        x[i] = 0;
+        for (int j = 0; j < 6; ++j) x[i] += information[i][j] * step[j] - J[j][i] * off[j];
+    }
+    for (int i = 0; i < 6; ++i)
+        for (int j = 0; j < 6; ++j) {
+            information[i][j] += i == j ? STAY : 0;
+            for (int k = 0; k < 6; ++k) information[i][j] += J[k][i] * J[k][j];
+        }
+    solve6(information, x, step, STAY);
+}
+
 // The principal axes of the shared information, ascending; they are found for turns times the lever arm, which the
 // axes' turns are divided by. As `principal_axes` of spectral/verify/fit.py.
 static void principal_axes(__global const real* const sums, __global real* const axes) {
@@ -138,10 +251,12 @@ static void principal_axes(__global const real* const sums, __global real* const
     }
 }
 
-// One group: a pose. With `steps` it moves; otherwise its next state and its principal axes are stored.
+// One group: a pose. With `steps` it moves; otherwise its next state and its principal axes are stored. The variance of
+// the gaps is scale * width^power, and that of a stretch `stretched`.
 __kernel void solve(__global const real* const restrict parts, __global real* const restrict records,
-                    __global float16* const restrict poses, const int count, const int steps, const int stretches,
-                    const real known, const real power, const real narrowest) {
+                    __global const real* const restrict terms, __global float16* const restrict poses, const int count,
+                    const int steps, const int measured, const int stretches, const real scale, const real power,
+                    const real narrowest, const real stretched, const real usual) {
     const int lane = get_local_id(0);
     const size_t pose = get_global_id(1);
     __global real* const record = records + pose * RECORD;
@@ -152,14 +267,27 @@ __kernel void solve(__global const real* const restrict parts, __global real* co
     }
     barrier(CLK_GLOBAL_MEM_FENCE);
     if (lane) return;
-    real state[STATE];
+    real state[STATE], step[6], root[6][6];
     for (int i = 0; i < STATE; ++i) state[i] = record[i];
-    step_alone(record + SUMS, state, stretches, known, power, narrowest);
+    const real variance = scale * pow(fmax(state[WIDTH], narrowest), power);
+    const real held = stretches ? variance / stretched : 0;
+    step_alone(record + SUMS, state, stretches, held, step);
+    for (int i = 0; i < 6; ++i) record[ALONE + i] = step[i];
+    if (measured) {
+        planes_root(record + SUMS, stretches, held, variance, usual, root);
+        combine(root, record + OFF, terms + pose * TERM, step);
+    }
+    if (stretches) stretch(record + SUMS, state, step, measured, held);
+    move(state, step);
     __global real* const next = steps ? record : record + NEXT;
     for (int i = 0; i < STATE; ++i) next[i] = state[i];
-    if (steps) return;
-    poses[pose] = pose_of(next);
-    principal_axes(record + SUMS, record + AXES);
+    if (!steps) {
+        poses[pose] = pose_of(next);
+        principal_axes(record + SUMS, record + AXES);
+        return;
+    }
+    for (int i = 0; measured && i < 6; ++i)
+        for (int j = 0; j < 6; ++j) record[OFF + i] += terms[pose * TERM + i * 6 + j] * step[j];
 }
 
 // Add up the doubts. One work-item: one of the 8 of a pose.

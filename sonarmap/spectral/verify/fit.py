@@ -5,14 +5,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.surface.refinement import Measured
 from sonarmap.spectral.chi_squared import beyond_sigmas
 from sonarmap.spectral.fitted import FITTED
 
 # Chi-squared values for 1..6 degrees of freedom as rare as 3 and 4 standard deviations; see `PriorTerm.distortion`.
 _LIMITS = [(beyond_sigmas(3.0, k), beyond_sigmas(4.0, k)) for k in range(1, 7)]
 _UNKNOWN = 1e6
-# Information that damps the step where neither scans nor instruments constrain the pose.
-_STAY = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +33,20 @@ class PriorTerm:
     def moved(self, step: np.ndarray) -> "PriorTerm":
         """The term about the pose after a small step (..., 6), rotation first [rad, voxels]."""
         return replace(self, residual=self.residual + _times(self.jacobian, step))
+
+    def measured(self) -> Measured:
+        """The term for the device: uncorrelated components of variance 1, and zeros up to 6."""
+        root, count = np.linalg.inv(np.linalg.cholesky(self.covariance)), self.residual.shape[-1]
+        off, jacobian, shortest = np.zeros(self.systematic.shape[:-1]), *np.zeros((2, *self.systematic.shape))
+        off[..., :count], jacobian[..., :count, :] = _times(root, self.residual), root @ self.jacobian
+        rows = jacobian[..., :count, :]
+        shortest[..., :count] = rows.mT @ np.linalg.inv(rows @ rows.mT)
+        return Measured(off, jacobian, self.systematic, shortest, _LIMITS[count - 1])
+
+    def after(self, off: np.ndarray) -> "PriorTerm":
+        """The term about later poses, from their `Measured.off`."""
+        root = np.linalg.cholesky(self.covariance)
+        return replace(self, residual=_times(root, off[..., : self.residual.shape[-1]]))
 
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
         """(..., 6, 6) information by the instruments, and (..., 6) gradient of half of chi-squared."""
@@ -60,15 +73,6 @@ class PriorTerm:
         along = _times(self.jacobian.mT, _solved(self.jacobian @ self.jacobian.mT, off))
         share = factor / np.maximum(squared, believed)
         return share[..., None, None] * along[..., :, None] * along[..., None, :]
-
-
-def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) -> np.ndarray:
-    """(..., 6) step by scans and instruments together, from the step by the scans alone and its covariance by the
-    independent errors of points."""
-    scans = covariance + term.systematic
-    information = np.linalg.inv(scans + term.distortion(scans, step))
-    measured, gradient = term.normal_equations()
-    return _solved(information + measured + _STAY * np.eye(6), _times(information, step) - gradient)
 
 
 def _times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:

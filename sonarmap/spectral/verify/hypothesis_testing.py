@@ -13,7 +13,7 @@ from sonarmap.spectral.so3 import RotationPeaks, distinct
 from sonarmap.spectral.verify.bounds import PairFrames
 from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Hypothesis, elsewhere, poses, ranked
-from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
+from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine, start_of
 from sonarmap.spectral.verify.relief import alike_places, is_level
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
 
@@ -107,7 +107,7 @@ class HypothesisTest(PairFrames):
         start = Start(places.R, places.shifts, np.full(len(places.alike), best.fit.width))
         free = self._unless_bounded() if weak else self
         fits = free._on_smoothed(0)._steps(start, [_FOUND_BY_HEIGHT]).read()
-        rivals = free._refine_and_observe(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK])
+        rivals = free._refine_and_observe(start_of(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK])
         return self.possible(elsewhere(ranked(rivals), known))[:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
@@ -148,7 +148,7 @@ class HypothesisTest(PairFrames):
         if not known.evidence.closeness and _has_weak_direction(best.fit):
             best = self._refine_smoothed([best])[0]
         measurement = self.verifier.measure(self.target, self.source, [best])
-        (fit,) = self._steps(_start([best.fit], stretches=True), [_FINAL]).read()
+        (fit,) = self._steps(start_of([best.fit], stretches=True), [_FINAL]).read()
         return replace(measurement.read()[0], fit=fit)
 
     def _refine_smoothed(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -156,8 +156,8 @@ class HypothesisTest(PairFrames):
         if the refinement diverges on the smoothed ones, which may constrain nothing without rims."""
         fits: Sequence[Fit] = [each.fit for each in hypotheses]
         for level in range(len(self.target.smoother())):
-            fits = self._on_smoothed(level)._steps(_start(fits), [_SMOOTHED]).read()
-        laid = self._refine_and_observe(_start(fits), _origins(hypotheses), [_FINAL])
+            fits = self._on_smoothed(level)._steps(start_of(fits), [_SMOOTHED]).read()
+        laid = self._refine_and_observe(start_of(fits), _origins(hypotheses), [_FINAL])
         kept: list[Hypothesis] = []
         driven: list[Hypothesis] = []
         for new, old in zip(laid, hypotheses, strict=True):
@@ -186,10 +186,10 @@ class HypothesisTest(PairFrames):
         if fit.prior is None:
             return best
         free = self._without_instruments()
-        (alone,) = free._steps(_start([fit.by_scans]), [_CLOSE]).read()
+        (alone,) = free._steps(start_of([fit.by_scans]), [_CLOSE]).read()
         if _has_weak_direction(alone):
             alone = free._refine_smoothed([replace(best, fit=alone)])[0].fit
-        (alone,) = free._steps(_start([alone], stretches=True), [_FINAL]).read()
+        (alone,) = free._steps(start_of([alone], stretches=True), [_FINAL]).read()
         step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
         return replace(best, fit=replace(fit, step=step))
 
@@ -211,7 +211,7 @@ class HypothesisTest(PairFrames):
     def _refine(
         self, hypotheses: Sequence[Hypothesis], stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        start = _start([each.fit for each in hypotheses])
+        start = start_of([each.fit for each in hypotheses])
         return ranked(self._refine_and_observe(start, _origins(hypotheses), stages, points))
 
     def _refine_and_observe(
@@ -221,7 +221,7 @@ class HypothesisTest(PairFrames):
         stages: Sequence[Stage],
         points: int = SURFACE_POINTS,
     ) -> list[Hypothesis]:
-        """Refined hypotheses, observed with `points` points; waits once for the device unless instruments take part.
+        """Refined hypotheses, observed with `points` points; waits once for the device.
         `origins` are `Hypothesis.rotation_score` and `candidate_psr` of each."""
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
@@ -234,10 +234,6 @@ class HypothesisTest(PairFrames):
         prior = self.bounds.prior
         prior_at = partial(self.prior_at, prior) if prior is not None and prior.measures else None
         return refine(self.verifier.device, self.target.surface, self.source.surface, start, stages, prior_at)
-
-
-def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
-    return Start(*poses(fits), np.array([fit.width for fit in fits]), stretches)
 
 
 def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:

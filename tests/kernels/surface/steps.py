@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.surface.refinement import Stretching, Weighting
+from sonarmap.kernels.surface.refinement import Measured, Noise, Weighting
 
 
 @dataclass
@@ -17,6 +18,7 @@ class Pose:
     shift: np.ndarray
     width: float
     stretch: np.ndarray
+    off: np.ndarray | None = None  # residuals of instruments, if there are any
 
 
 @dataclass
@@ -39,7 +41,7 @@ def sums_of(
     pose: Pose,
     reach: float,
     weighting: Weighting,
-    stretching: Stretching | None,
+    stretches: bool,
 ) -> Sums:
     """Sums of a step between target and source, rows (m, 12); sets the pose's width in steps that measure it."""
     target, source = surfaces
@@ -64,7 +66,7 @@ def sums_of(
     else:
         moves = near
         pose.width = float(np.median(np.abs(gaps[near]))) if near.any() else pose.width
-    by_stretch = by_stretch if stretching else np.zeros_like(by_stretch)
+    by_stretch = by_stretch if stretches else np.zeros_like(by_stretch)
     gaps = gaps + by_stretch @ pose.stretch
     weights = np.where(near, weighting.scale / (1 + (gaps / bell) ** 2) ** 2, 0.0)
     moving = np.where(moves, weights, 0.0)
@@ -83,27 +85,64 @@ def sums_of(
     )
 
 
-def moved(pose: Pose, sums: Sums, stretching: Stretching | None) -> Pose:
-    """The pose after a joint Gauss-Newton step of itself and opposite stretches."""
-    size = 6 if stretching is None else 7
-    opposite = np.vstack([np.eye(7), -np.eye(7)[6]])[:, :size]
+def moved(pose: Pose, sums: Sums, noise: Noise, stretches: bool, term: Measured | None = None) -> Pose:
+    """The pose after a joint Gauss-Newton step of itself and opposite stretches; or, with the term of instruments about
+    this one pose, of itself, with the step by the pairs alone weighted against them, and of free stretches."""
     hessian, gradient = sums.moving.copy(), sums.gradient.copy()
-    if stretching is not None:
-        held = stretching.known * max(pose.width, stretching.narrowest) ** stretching.power
-        hessian[6:, 6:] += held * np.eye(2)
-        gradient[6:] += held * pose.stretch
-        gradient_apart = gradient - hessian[:, 6:] @ np.full(2, pose.stretch.mean())
-    else:
-        gradient_apart = gradient
+    variance = noise.scale * max(pose.width, noise.narrowest) ** noise.power
+    held = variance / noise.stretched if stretches else 0.0
+    hessian[6:, 6:] += held * np.eye(2)
+    gradient[6:] += held * pose.stretch
+    step = _step_alone(hessian, gradient, pose, stretches)
+    off = pose.off
+    if term is not None and off is not None:
+        added = np.diag([0.0] * 6 + [held] * 2)
+        pair = [_of_pose(matrix + added, stretches) for matrix in (sums.whole, (sums.shared + sums.shared.T) / 2)]
+        step = posterior_step(step, usual_covariance(*pair, variance, noise.usual), off, term)
+        off = off + term.jacobian[0] @ step
+    stretch = pose.stretch
+    if stretches:
+        free = np.eye(2) if term is not None else np.array([[1.0], [-1.0]])
+        rest = (gradient[6:] + hessian[6:, :6] @ step) @ free
+        stretch = stretch - free @ np.linalg.solve(free.T @ hessian[6:, 6:] @ free, rest)
+    turn = Rotation.from_rotvec(step[:3]).as_matrix() @ pose.turn
+    return Pose(turn, pose.shift + step[3:], pose.width, stretch, off)
+
+
+def _step_alone(hessian: np.ndarray, gradient: np.ndarray, pose: Pose, stretches: bool) -> np.ndarray:
+    """(6,) step by the pairs alone, with opposite stretches eliminated by solving for all."""
+    opposite = np.vstack([np.eye(7), -np.eye(7)[6]])[:, : 6 + stretches]
+    if stretches:
+        gradient = gradient - hessian[:, 6:] @ np.full(2, pose.stretch.mean())
     whole = opposite.T @ hessian @ opposite
     whole[:6, :6] += 1e-9 * np.trace(whole[:6, :6]) * np.eye(6)
-    step = -np.linalg.lstsq(whole, gradient_apart @ opposite, rcond=1e-15)[0][:6]
-    stretch = pose.stretch
-    if stretching is not None:
-        along = np.array([1.0, -1.0])
-        rest = gradient[6:] + hessian[6:, :6] @ step
-        stretch = stretch - along * (rest @ along) / (along @ hessian[6:, 6:] @ along)
-    return Pose(Rotation.from_rotvec(step[:3]).as_matrix() @ pose.turn, pose.shift + step[3:], pose.width, stretch)
+    return -np.linalg.lstsq(whole, gradient @ opposite, rcond=1e-15)[0][:6]
+
+
+def _of_pose(hessian: np.ndarray, stretches: bool) -> np.ndarray:
+    """The Schur complement of the stretches."""
+    across = hessian[6:, :6]
+    return hessian[:6, :6] - (across.T @ np.linalg.solve(hessian[6:, 6:], across) if stretches else 0.0)
+
+
+def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: float, usual: float) -> np.ndarray:
+    """Covariance (6, 6) of the pose by the planes of a Hessian, without rare large errors; larger along directions in
+    which both scans share less than 0.3 of the information."""
+    damped = hessian + 1e-9 * (np.trace(hessian) + 1e-9) * np.eye(6)
+    share, axes = eigh(shared, damped)
+    return (axes * variance * np.clip(usual * 0.3 / np.maximum(share, 1e-9), usual, 1.0)) @ axes.T
+
+
+def posterior_step(step: np.ndarray, covariance: np.ndarray, off: np.ndarray, term: Measured) -> np.ndarray:
+    """(6,) step by scans and instruments, from that by the scans alone and its covariance by independent errors."""
+    jacobian, scans = term.jacobian[0], covariance + term.systematic[0]
+    there, (believed, distorted) = off + jacobian @ step, term.limits
+    squared = there @ np.linalg.solve(jacobian @ scans @ jacobian.T + np.eye(6), there)
+    factor = max(squared - believed, 0.0) / max(distorted - squared, distorted / 1e6)
+    along = term.shortest[0] @ there
+    information = np.linalg.inv(scans + factor / max(squared, believed) * np.outer(along, along))
+    whole = information + jacobian.T @ jacobian + 1e-6 * np.eye(6)
+    return np.linalg.solve(whole, information @ step - jacobian.T @ off)
 
 
 def squared_doubts(sums: Sums) -> tuple[np.ndarray, np.ndarray]:

@@ -1,16 +1,18 @@
 """Point-to-plane steps on the device equal NumPy's, singly and in sequence."""
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.surface.refinement import Refinement, Stretching, Weighting
+from sonarmap.kernels.surface.refinement import Measured, Noise, Refinement, Weighting
 from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
 from tests.kernels.surface.steps import Pose, moved, squared_doubts, sums_of
 
 WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0, scale=1.5)
-STRETCHING = Stretching(known=7e5, power=2.25, narrowest=0.02)
+NOISE = Noise(scale=175.0, power=2.25, narrowest=0.02, stretched=2.5e-4, usual=0.1)
 
 
 def leaning_rows(points: np.ndarray, seed: int) -> np.ndarray:
@@ -24,9 +26,9 @@ def leaning_rows(points: np.ndarray, seed: int) -> np.ndarray:
     return rows
 
 
-def begin(poses: int, seed: int, stretching: Stretching | None) -> list[Pose]:
+def begin(poses: int, seed: int, stretches: bool) -> list[Pose]:
     rng = np.random.default_rng(seed)
-    stretch = np.zeros(2) if stretching is None else np.array([0.01, -0.004])
+    stretch = np.array([0.01, -0.004]) if stretches else np.zeros(2)
     turns = Rotation.from_rotvec(rng.normal(0, 0.03, (poses, 3))).as_matrix()
     return [
         Pose(turn, shift, width, stretch)
@@ -34,15 +36,31 @@ def begin(poses: int, seed: int, stretching: Stretching | None) -> list[Pose]:
     ]
 
 
+def measured(poses: int, count: int, off: float) -> Measured:
+    """Random measurements of `count` components that are `off` standard deviations away."""
+    rng = np.random.default_rng(count)
+    residual, (jacobian, shortest) = np.zeros((poses, 6)), np.zeros((2, poses, 6, 6))
+    residual[:, :count] = off * rng.choice([-1.0, 1.0], (poses, count)) / np.sqrt(count)
+    jacobian[:, :count] = rng.normal(size=(poses, count, 6)) * [50, 50, 50, 3, 3, 3]
+    shortest[:, :, :count] = np.linalg.pinv(jacobian[:, :count])
+    root = rng.normal(size=(poses, 6, 6)) * [[0.001]] * np.repeat([0.1, 1.0], 3)[:, None] + 1e-3 * np.eye(6)
+    return Measured(residual, jacobian, root @ root.mT, shortest, (9.0 + count, 16.0 + count))
+
+
 def refinement(
-    device: Device, rows: list[np.ndarray], most: int, poses: list[Pose], stretching: Stretching | None
+    device: Device,
+    rows: list[np.ndarray],
+    most: int,
+    poses: list[Pose],
+    stretches: bool,
+    term: Measured | None = None,
 ) -> Refinement:
     target, source = (upload(device, each) for each in rows)
-    steps = Refinement(device, target, source, most, WEIGHTING, stretching)
+    steps = Refinement(device, target, source, most, WEIGHTING, NOISE, stretches)
     turn, shift, width, stretch = (
         np.stack([getattr(pose, name) for pose in poses]) for name in ("turn", "shift", "width", "stretch")
     )
-    steps.begin(turn, shift, width, None if stretching is None else stretch)
+    steps.begin(turn, shift, width, stretch, term)
     return steps
 
 
@@ -51,15 +69,15 @@ def rows() -> list[np.ndarray]:
     return [leaning_rows(bent_sheet(count, seed), seed) for seed, count in ((1, 2500), (2, 1800))]
 
 
-@pytest.mark.parametrize("stretching", [None, STRETCHING])
+@pytest.mark.parametrize("stretches", [False, True])
 @pytest.mark.parametrize(("reach", "most", "poses"), [(8.0, 100, 24), (3.0, 333, 3), (1.5, 5000, 2)])
-def test_sums_equal_the_twin(device, rows, reach, most, poses, stretching):
-    start = begin(poses, most, stretching)
-    steps = refinement(device, rows, most, start, stretching)
-    steps.step(reach, alone=False)
+def test_sums_equal_the_twin(device, rows, reach, most, poses, stretches):
+    start = begin(poses, most, stretches)
+    steps = refinement(device, rows, most, start, stretches)
+    steps.step(reach, moves=False)
     got = steps.end().read()
     for n, pose in enumerate(start):
-        want = sums_of(rows, most, pose, reach, WEIGHTING, stretching)
+        want = sums_of(rows, most, pose, reach, WEIGHTING, stretches)
         for name in ("moving", "whole", "shared", "gradient", "total", "squares"):
             value = getattr(want, name)
             np.testing.assert_allclose(getattr(got, name)[n], value, atol=3e-5 * np.abs(value).max())
@@ -70,15 +88,15 @@ def test_sums_equal_the_twin(device, rows, reach, most, poses, stretching):
         np.testing.assert_allclose(got.doubts[n][apart], doubts[apart], rtol=1e-3)
 
 
-@pytest.mark.parametrize("stretching", [None, STRETCHING])
-def test_steps_equal_the_twin(device, rows, stretching):
-    poses = begin(3, 4, stretching)
-    steps = refinement(device, rows, 600, poses, stretching)
+@pytest.mark.parametrize("stretches", [False, True])
+def test_steps_equal_the_twin(device, rows, stretches):
+    poses = begin(3, 4, stretches)
+    steps = refinement(device, rows, 600, poses, stretches)
     for reach in (4.0, 3.0, 2.0):
-        steps.step(reach, alone=True)
+        steps.step(reach)
         for n, pose in enumerate(poses):
-            poses[n] = moved(pose, sums_of(rows, 600, pose, reach, WEIGHTING, stretching), stretching)
-    steps.step(2.0, alone=False)
+            poses[n] = moved(pose, sums_of(rows, 600, pose, reach, WEIGHTING, stretches), NOISE, stretches)
+    steps.step(2.0, moves=False)
     last = steps.end()
     leads, got = last.poses.get()[:, :12].reshape(-1, 3, 4), last.read()
     for n, pose in enumerate(poses):
@@ -87,12 +105,38 @@ def test_steps_equal_the_twin(device, rows, stretching):
         np.testing.assert_allclose(got.stretch[n], pose.stretch, atol=3e-5)
         assert got.width[n] == pytest.approx(pose.width, abs=1e-4)
         np.testing.assert_allclose(got.turn[n] @ got.turn[n].T, np.eye(3), atol=1e-12)
-        following = moved(pose, sums_of(rows, 600, pose, 2.0, WEIGHTING, stretching), stretching)
+        following = moved(pose, sums_of(rows, 600, pose, 2.0, WEIGHTING, stretches), NOISE, stretches)
         np.testing.assert_allclose(got.next_turn[n], following.turn, atol=5e-5)
         np.testing.assert_allclose(got.next_shift[n], following.shift, atol=2e-3)
         np.testing.assert_allclose(got.next_stretch[n], following.stretch, atol=5e-5)
         np.testing.assert_allclose(leads[n, :, :3], got.next_turn[n], atol=1e-7)
         np.testing.assert_allclose(leads[n, :, 3], got.next_shift[n], atol=1e-6)
+
+
+@pytest.mark.parametrize("stretches", [False, True])
+@pytest.mark.parametrize(("count", "off"), [(1, 0.5), (3, 4.0), (6, 2.0), (6, 9.0)])
+def test_steps_with_instruments_equal_the_twin(device, rows, stretches, count, off):
+    """Residuals that agree with the scans, that contradict them somewhat, and so much that only instruments count."""
+    poses, term = begin(3, 4, stretches), measured(3, count, off)
+    steps = refinement(device, rows, 600, poses, stretches, term)
+    each = [Measured(*(part[n : n + 1] for part in list(astuple(term))[:4]), term.limits) for n in range(3)]
+    for n, pose in enumerate(poses):
+        pose.off = term.off[n]
+    for reach in (3.0, 2.0):
+        steps.step(reach)
+        for n, pose in enumerate(poses):
+            poses[n] = moved(pose, sums_of(rows, 600, pose, reach, WEIGHTING, stretches), NOISE, stretches, each[n])
+    steps.step(2.0, moves=False)
+    got = steps.end().read()
+    for n, pose in enumerate(poses):
+        sums = sums_of(rows, 600, pose, 2.0, WEIGHTING, stretches)
+        following = moved(pose, sums, NOISE, stretches, each[n])
+        alone = moved(pose, sums, NOISE, stretches)
+        np.testing.assert_allclose(got.off[n], pose.off, atol=2e-2)
+        np.testing.assert_allclose(got.alone[n][3:], alone.shift - pose.shift, atol=2e-3)
+        np.testing.assert_allclose(got.next_turn[n], following.turn, atol=5e-5)
+        np.testing.assert_allclose(got.next_shift[n], following.shift, atol=2e-3)
+        np.testing.assert_allclose(got.next_stretch[n], following.stretch, atol=5e-5)
 
 
 def test_width_of_an_even_number_of_gaps_is_the_mean_of_the_middle_ones(device: Device) -> None:
@@ -101,18 +145,18 @@ def test_width_of_an_even_number_of_gaps_is_the_mean_of_the_middle_ones(device: 
     ours[:, 0] = theirs[:, 0] = [0, 9, 18, 27]
     theirs[:, 2] = [0.1, -0.2, 0.4, 0.7]
     ours[:, 6] = theirs[:, 6] = 1
-    steps = Refinement(device, upload(device, ours), upload(device, theirs), 10, WEIGHTING, None)
-    steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
-    steps.step(3.0, alone=False)
+    steps = Refinement(device, upload(device, ours), upload(device, theirs), 10, WEIGHTING, NOISE)
+    steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))
+    steps.step(3.0, moves=False)
     assert steps.end().read().width[0] == pytest.approx(0.3, abs=1e-6)
 
 
 def test_pose_is_unchanged_if_nothing_is_within_reach(device: Device, rows: list[np.ndarray]) -> None:
     pose = Pose(np.eye(3), np.array([900.0, 0, 5]), 0.2, np.zeros(2))
-    steps = refinement(device, rows, 1000, [pose], STRETCHING)
+    steps = refinement(device, rows, 1000, [pose], True)
     for reach in (8.0, 2.0):
-        steps.step(reach, alone=True)
-    steps.step(2.0, alone=False)
+        steps.step(reach)
+    steps.step(2.0, moves=False)
     got = steps.end().read()
     assert got.total[0] == got.squares[0] == 0
     assert not got.whole.any()

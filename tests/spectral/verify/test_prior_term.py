@@ -10,7 +10,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.verify.bounds import Bounds, PairFrames
-from sonarmap.spectral.verify.fit import PriorTerm, posterior_step
+from sonarmap.spectral.verify.fit import PriorTerm
+from tests.kernels.surface import steps
 from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, HEADING, POSITION, T_SOURCE, T_TARGET, T_TRUE, prior
 
 HEIGHT = np.array([[0.0, 0, 0, 0, 0, 1]])  # an instrument that measures the shift along z alone
@@ -21,6 +22,13 @@ FIRM = np.diag(0.5 / np.array([400.0, 300, 500, 90, 80, 70]))  # covariance by p
 def height(off: float, sigma: float) -> PriorTerm:
     """A prior term of a pose that is `off` above the measurement."""
     return PriorTerm(np.array([off]), HEIGHT, np.array([[sigma**2]]), NOTHING)
+
+
+def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) -> np.ndarray:
+    """The step by scans and instruments that the device computes, by its twin."""
+    parts = term.residual, term.jacobian, term.covariance, term.systematic
+    measured = PriorTerm(*(part[None] for part in parts)).measured()
+    return steps.posterior_step(step, covariance, measured.off[0], measured)
 
 
 def test_scans_and_instrument_meet_where_their_variances_say() -> None:
