@@ -131,10 +131,10 @@ def _surfaces(device: Device) -> Iterator[Measured]:
     steps.step(1.5, moves=False)
     last = steps.end()
     record = last.read()
-    angle = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))
+    angle = float(np.rad2deg(Rotation.from_matrix(record["turn"][0]).magnitude()))
     yield Measured("the rotation of a refinement", angle, 0.2, "degrees")
-    yield Measured("the shift of a refinement", float(np.abs(record.shift).max()), 0.1, "voxels")
-    apart = last.poses.get()[0, 3:12:4] - record.next_shift[0]
+    yield Measured("the shift of a refinement", float(np.abs(record["shift"]).max()), 0.1, "voxels")
+    apart = last.poses.get()[0, 3:12:4] - record["next_shift"][0]
     yield Measured("the shift of a refinement on the device", float(np.abs(apart).max()), 1e-4, "voxels")
 
 

@@ -31,13 +31,14 @@ typedef float8 real8;
 #define GRADIENT 192
 #define TOTAL 200
 #define SQUARES 201
-// The measurements by instruments: the residuals' derivatives by the step (6 x 6, a row for each residual), the
+// The measurements by instruments: the residuals at first (6), their derivatives by the step (6 x 6, in rows), the
 // covariance of errors that all points of a scan share, the shortest step for each residual (6 x 6, in columns), and
 // the chi-squared values from which and up to which scans that contradict the instruments get less weight.
-#define SYSTEMATIC 36
-#define SHORTEST 72
-#define BELIEVED 108
-#define TERM 110
+#define JACOBIAN 6
+#define SYSTEMATIC 42
+#define SHORTEST 78
+#define BELIEVED 114
+#define TERM 116
 
 static float16 pose_of(__global const real* const record) {
     return (float16)(record[0], record[1], record[2], record[9], record[3], record[4], record[5], record[10], record[6], record[7],

@@ -1,6 +1,6 @@
 """Point-to-plane refinement of several poses on the device: pairs of nearest points, normal equations, their solution.
 
-The poses stay on the device between the steps. The host reads a `Record` of the last step, when it needs one.
+The poses stay on the device between the steps. The host reads the records of the last step.
 """
 
 from dataclasses import astuple, dataclass
@@ -15,67 +15,45 @@ from sonarmap.kernels.device.launch import launch
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.surface.cells import GROUP, Elements, padded
 
-# Layout of a record, as in real.cl.
-STATE = 15  # numbers of a state
-SUMS = 16  # first of the sums
-SUMS_COUNT = 208
-DOUBTS = 272  # first of the doubts
-NEXT = 280  # first of the next state
-OFF = 296  # first of the instruments' residuals
-ALONE = 302  # first of the step by the pairs alone
-LENGTH = 308
-TERM = 110  # numbers of the instruments' measurements
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """State of k poses, the sums over their pairs, and the state after the step that these lead to; float64."""
-
-    turn: np.ndarray  # (k, 3, 3) rotations R, and
-    shift: np.ndarray  # (k, 3), p_target = R p_source + shift about the grid centers [voxels]
-    width: np.ndarray  # (k,) median gap between the surfaces [voxels]
-    stretch: np.ndarray  # (k, 2) stretches of the ranges of the source and of the target
-    # (k, 8, 8) weighted sums of J^T J, with J the derivatives of a pair's gap by turn, shift and both stretches
-    moving: np.ndarray  # of the pairs that move the pose
-    whole: np.ndarray  # of all pairs
-    shared: np.ndarray  # of all pairs, with one J by the other scan's normal (not symmetric)
-    gradient: np.ndarray  # (k, 8) weighted sum of J times the gap, of the pairs that move the pose
-    total: np.ndarray  # (k,) sum of the weights
-    squares: np.ndarray  # (k,) weighted sum of the squared gaps
-    doubts: np.ndarray  # (k, 6) sums of the squares of each pair's share of `shared` along the principal axes
-    # the state after the step, by the pairs and the instruments
-    next_turn: np.ndarray
-    next_shift: np.ndarray
-    next_stretch: np.ndarray
-    off: np.ndarray  # (k, 6) residuals of instruments before the step, as in `Measured`
-    alone: np.ndarray  # (k, 6) the step by the pairs alone, rotation first [rad, voxels]
-
-    @classmethod
-    def of(cls, rows: np.ndarray) -> "Record":
-        """Records from rows (k, LENGTH) in the layout of real.cl."""
-        rows = rows.astype(np.float64)
-        moving, whole, shared = rows[:, SUMS : SUMS + 192].reshape(-1, 3, 8, 8).transpose(1, 0, 2, 3)
-        state, following = rows[:, :STATE], rows[:, NEXT : NEXT + STATE]
-        return cls(
-            turn=state[:, :9].reshape(-1, 3, 3),
-            shift=state[:, 9:12],
-            width=state[:, 12],
-            stretch=state[:, 13:],
-            moving=moving,
-            whole=whole,
-            shared=shared,
-            gradient=rows[:, SUMS + 192 : SUMS + 200],
-            total=rows[:, SUMS + 200],
-            squares=rows[:, SUMS + 201],
-            doubts=rows[:, DOUBTS : DOUBTS + 6],
-            next_turn=following[:, :9].reshape(-1, 3, 3),
-            next_shift=following[:, 9:12],
-            next_stretch=following[:, 13:],
-            off=rows[:, OFF : OFF + 6],
-            alone=rows[:, ALONE : ALONE + 6],
-        )
-
-
+# A record, in the layout of real.cl: a pose, p_target = turn p_source + shift about the grid centers [voxels], the sums
+# over its pairs of points, and the pose after the step that these lead to.
+RECORD = np.dtype(
+    [
+        ("turn", "f8", (3, 3)),
+        ("shift", "f8", (3,)),
+        ("width", "f8", ()),  # median gap between the surfaces [voxels]
+        ("stretch", "f8", (2,)),  # of the ranges of the source and of the target
+        ("unused", "f8", ()),
+        # Weighted sums of J^T J, with J the derivatives of a pair's gap by turn, shift and both stretches.
+        ("moving", "f8", (8, 8)),  # of the pairs that move the pose
+        ("whole", "f8", (8, 8)),  # of all pairs
+        ("shared", "f8", (8, 8)),  # of all pairs, with one J by the other scan's normal (not symmetric)
+        ("gradient", "f8", (8,)),  # weighted sum of J times the gap, of the pairs that move the pose
+        ("total", "f8", ()),  # sum of the weights
+        ("squares", "f8", ()),  # weighted sum of the squared gaps
+        ("unused_sums", "f8", (6,)),
+        ("axes", "f8", (6, 8)),
+        ("doubts", "f8", (8,)),  # 6 sums of the squares of each pair's share of `shared` along the principal axes
+        ("next_turn", "f8", (3, 3)),
+        ("next_shift", "f8", (3,)),
+        ("next_width", "f8", ()),
+        ("next_stretch", "f8", (2,)),
+        ("unused_next", "f8", ()),
+        ("off", "f8", (6,)),  # residuals of instruments before the step, as in TERM
+        ("alone", "f8", (6,)),  # the step by the pairs alone, rotation first [rad, voxels]
+    ]
+)
+# What instruments measured, linearized about a pose: at most 6 uncorrelated residuals of variance 1.
+TERM = np.dtype(
+    [
+        ("off", "f8", (6,)),  # the residuals about the first pose
+        ("jacobian", "f8", (6, 6)),  # derivatives of the residuals, in rows, by turn and shift [1/rad, 1/voxels]
+        ("systematic", "f8", (6, 6)),  # covariance of errors that all points of a scan share
+        ("shortest", "f8", (6, 6)),  # in columns, the shortest step that makes each residual 1
+        ("limits", "f8", (2,)),  # chi-squared values from which and up to which scans get less weight
+    ]
+)
+_SUMS = 208  # from `moving` to `unused_sums`
 _PART = 128  # pairs of a work-item on a CPU, of a group on a GPU
 
 
@@ -101,30 +79,15 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
-    """Measurements by instruments, linearized about k poses: at most 6 uncorrelated residuals of variance 1."""
-
-    off: np.ndarray  # (k, 6) residuals, 0 beyond their number
-    jacobian: np.ndarray  # (k, 6, 6) derivatives of the residuals, in rows, by turn and shift [1/rad, 1/voxels]
-    systematic: np.ndarray  # (k, 6, 6) covariance of errors that all points of a scan share
-    shortest: np.ndarray  # (k, 6, 6) in columns, the shortest step that makes each residual 1
-    limits: tuple[float, float]  # chi-squared values from which and up to which scans get less weight
-
-    def rows(self) -> np.ndarray:
-        """(k, TERM) in the layout of real.cl."""
-        matrices = np.stack([self.jacobian, self.systematic, self.shortest], axis=1).reshape(len(self.off), -1)
-        return np.hstack([matrices, np.tile(self.limits, (len(self.off), 1))])
-
-
-@dataclass(frozen=True, slots=True)
 class LastStep:
     """Result of the last step of a refinement."""
 
     poses: cla.Array  # device (k, 16) float32, the poses after the step, as from `upload_poses`
-    rows: Readback  # of a `Record`, on their way to the host
+    rows: Readback  # the records, on their way to the host
 
-    def read(self) -> Record:
-        return Record.of(self.rows.read())
+    def read(self) -> np.ndarray:
+        """(k,) records of RECORD."""
+        return self.rows.read().astype(np.float64).view(RECORD)[:, 0]
 
 
 class Refinement:
@@ -158,19 +121,20 @@ class Refinement:
         shift: np.ndarray,
         width: np.ndarray,
         stretch: np.ndarray | None = None,
-        measured: Measured | None = None,
+        terms: np.ndarray | None = None,
     ) -> None:
-        """Set the state of k poses before the first step, and what instruments measured; arguments as in `Record`."""
-        rows = np.zeros((len(shift), LENGTH))
-        rows[:, :9], rows[:, 9:12], rows[:, 12] = turn.reshape(-1, 9), shift, width
-        rows[:, 13:STATE] = 0 if stretch is None else stretch
-        if measured is not None:
-            rows[:, OFF : OFF + 6] = measured.off
-        if not np.isfinite(rows).all():
+        """Set the state of k poses before the first step, and what instruments measured about them, (k,) TERM;
+        arguments as in RECORD."""
+        records = np.zeros(len(shift), RECORD)
+        records["turn"], records["shift"], records["width"] = turn, shift, width
+        records["stretch"] = 0 if stretch is None else stretch
+        records["off"] = 0 if terms is None else terms["off"]
+        known = np.zeros(1, TERM) if terms is None else terms
+        numbers = [each.view(np.float64).reshape(len(each), -1) for each in (records, known)]
+        if not np.isfinite(numbers[0]).all():
             raise InputError(f"a pose to refine is not finite: rotations {turn.tolist()}, shifts {shift.tolist()}")
-        self._measured = np.int32(measured is not None)
-        terms = np.zeros((1, TERM)) if measured is None else measured.rows()
-        self._take(*(self.device.to_device(array.astype(self._real)) for array in (rows, terms)))
+        self._measured = np.int32(terms is not None)
+        self._take(*(self.device.to_device(each.astype(self._real)) for each in numbers))
 
     def begin_after(self, other: "Refinement") -> None:
         """Take over the poses of another refinement, on the device; the other one must not be used any more."""
@@ -181,7 +145,7 @@ class Refinement:
         poses = len(records)
         if not hasattr(self, "_rows") or self._rows.shape[0] != poses:
             self._rows = self.device.empty((poses, self._count, 16))
-            self._sums = self.device.empty((poses, self._parts, SUMS_COUNT), self._real)
+            self._sums = self.device.empty((poses, self._parts, _SUMS), self._real)
             self._poses = self.device.empty((poses, 16))
         self._records, self._terms = records, terms
 

@@ -185,7 +185,7 @@ static void combine(real root[6][6], __global const real* const off, __global co
     real covariance[6][6], J[6][6], JC[6][6], together[6][6], information[6][6], there[6], x[6], along[6];
     for (int i = 0; i < 6; ++i)
         for (int j = 0; j < 6; ++j) {
-            J[i][j] = term[i * 6 + j];
+            J[i][j] = term[JACOBIAN + i * 6 + j];
             covariance[i][j] = term[SYSTEMATIC + i * 6 + j];
             for (int k = 0; k < 6; ++k) covariance[i][j] += root[i][k] * root[j][k];
         }
@@ -287,7 +287,7 @@ __kernel void solve(__global const real* const restrict parts, __global real* co
         return;
     }
     for (int i = 0; measured && i < 6; ++i)
-        for (int j = 0; j < 6; ++j) record[OFF + i] += terms[pose * TERM + i * 6 + j] * step[j];
+        for (int j = 0; j < 6; ++j) record[OFF + i] += terms[pose * TERM + JACOBIAN + i * 6 + j] * step[j];
 }
 
 // Add up the doubts. One work-item: one of the 8 of a pose.

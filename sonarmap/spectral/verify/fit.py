@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.surface.refinement import Measured
+from sonarmap.kernels.surface.refinement import TERM
 from sonarmap.spectral.chi_squared import beyond_sigmas
 from sonarmap.spectral.fitted import FITTED
 
@@ -34,19 +34,20 @@ class PriorTerm:
         """The term about the pose after a small step (..., 6), rotation first [rad, voxels]."""
         return replace(self, residual=self.residual + _times(self.jacobian, step))
 
-    def measured(self) -> Measured:
-        """The term for the device: uncorrelated components of variance 1, and zeros up to 6."""
-        root, count = np.linalg.inv(np.linalg.cholesky(self.covariance)), self.residual.shape[-1]
-        off, jacobian, shortest = np.zeros(self.systematic.shape[:-1]), *np.zeros((2, *self.systematic.shape))
-        off[..., :count], jacobian[..., :count, :] = _times(root, self.residual), root @ self.jacobian
-        rows = jacobian[..., :count, :]
-        shortest[..., :count] = rows.mT @ np.linalg.inv(rows @ rows.mT)
-        return Measured(off, jacobian, self.systematic, shortest, _LIMITS[count - 1])
+    def for_device(self) -> np.ndarray:
+        """(n,) TERM, about n poses: uncorrelated components of variance 1, and zeros up to 6."""
+        count, terms = self.residual.shape[1], np.zeros(len(self.residual), TERM)
+        root = np.linalg.inv(np.linalg.cholesky(self.covariance))
+        jacobian = root @ self.jacobian
+        terms["off"][:, :count], terms["jacobian"][:, :count] = _times(root, self.residual), jacobian
+        terms["shortest"][:, :, :count] = jacobian.mT @ np.linalg.inv(jacobian @ jacobian.mT)
+        terms["systematic"], terms["limits"] = self.systematic, _LIMITS[count - 1]
+        return terms
 
     def after(self, off: np.ndarray) -> "PriorTerm":
-        """The term about later poses, from their `Measured.off`."""
+        """The term about later poses, from their (n, 6) residuals as in `for_device`."""
         root = np.linalg.cholesky(self.covariance)
-        return replace(self, residual=_times(root, off[..., : self.residual.shape[-1]]))
+        return replace(self, residual=_times(root, off[:, : self.residual.shape[1]]))
 
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
         """(..., 6, 6) information by the instruments, and (..., 6) gradient of half of chi-squared."""

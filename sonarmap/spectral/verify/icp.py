@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.surface.refinement import Noise, Record, Refinement, Weighting
+from sonarmap.kernels.surface.refinement import Noise, Refinement, Weighting
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, shares_along
 
@@ -75,7 +75,7 @@ def refine(
         return refine(device, target, source, start_of(fits), stages[1:], prior_at)
     prior = None if prior_at is None else prior_at(begin.R, begin.shifts, begin.stretches)
     steps = _refinement(device, target, source, stages[0].points, begin.stretches)
-    steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, measured=None if prior is None else prior.measured())
+    steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, terms=None if prior is None else prior.for_device())
     for stage in stages:
         if stage is not stages[0]:
             ended, steps = steps, _refinement(device, target, source, stage.points, begin.stretches)
@@ -100,30 +100,30 @@ def _refinement(device: Device, target: Surface, source: Surface, most: int, str
     return Refinement(device, *elements, most, replace(_WEIGHTING, scale=scale), _NOISE, stretches)
 
 
-def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]:
-    """The fits after the last step, with the information measured before it."""
-    total = record.total
+def _fits(record: np.ndarray, prior: PriorTerm | None, stretches: bool) -> list[Fit]:
+    """The fits after the last step, with the information measured before it, from (k,) RECORD."""
+    total = record["total"]
     # products of one scan's normals with the other's: squares of noisy normals give false information along a plane; in
     # these the noise of the two scans, which is independent, averages out
-    shared = (record.shared + record.shared.mT) / 2
+    shared = (record["shared"] + record["shared"].mT) / 2
     information = shared[:, :6, :6]
     counted = np.where(total > 0, total, 1.0)
-    residual = np.sqrt(record.squares / counted)
-    noise = shares_along(record.whole[:, :6, :6] - information, information, counted)
-    doubt = np.hypot(np.sqrt(record.doubts) / counted[:, None], _ALIKE * noise)
-    R, prior = Rotation.from_matrix(record.next_turn), None if prior is None else prior.after(record.off)
+    residual = np.sqrt(record["squares"] / counted)
+    noise = shares_along(record["whole"][:, :6, :6] - information, information, counted)
+    doubt = np.hypot(np.sqrt(record["doubts"][:, :6]) / counted[:, None], _ALIKE * noise)
+    R, prior = Rotation.from_matrix(record["next_turn"]), None if prior is None else prior.after(record["off"])
     return [
         Fit(
             R=R[n],
-            shift=record.next_shift[n],
+            shift=record["next_shift"][n],
             information=information[n],
             residual=float(residual[n]),
             pairs=float(total[n]),
-            width=float(record.width[n]),
+            width=float(record["width"][n]),
             doubt=doubt[n],
             prior=None if prior is None else prior.of(n),
-            step=np.zeros(6) if prior is None else record.alone[n],
-            stretch=record.next_stretch[n] if stretches else None,
+            step=np.zeros(6) if prior is None else record["alone"][n],
+            stretch=record["next_stretch"][n] if stretches else None,
             stretching=shared[n, 6:] if stretches else None,
         )
         for n in range(len(total))

@@ -7,12 +7,12 @@ from scipy.linalg import eigh
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.surface.refinement import Measured, Noise, Weighting
+from sonarmap.kernels.surface.refinement import Noise, Weighting
 
 
 @dataclass
 class Pose:
-    """A pose during the refinement, one of the k in `Record`."""
+    """A pose during the refinement, as in RECORD."""
 
     turn: np.ndarray
     shift: np.ndarray
@@ -23,7 +23,7 @@ class Pose:
 
 @dataclass
 class Sums:
-    """Sums over the pairs of points at a pose, one of the k in `Record`."""
+    """Sums over the pairs of points at a pose, as in RECORD."""
 
     moving: np.ndarray
     whole: np.ndarray
@@ -85,9 +85,9 @@ def sums_of(
     )
 
 
-def moved(pose: Pose, sums: Sums, noise: Noise, stretches: bool, term: Measured | None = None) -> Pose:
-    """The pose after a joint Gauss-Newton step of itself and opposite stretches; or, with the term of instruments about
-    this one pose, of itself, with the step by the pairs alone weighted against them, and of free stretches."""
+def moved(pose: Pose, sums: Sums, noise: Noise, stretches: bool, term: np.ndarray | None = None) -> Pose:
+    """The pose after a joint Gauss-Newton step of itself and opposite stretches; or, with the TERM of
+    instruments, of itself, with the step by the pairs alone weighted against them, and of free stretches."""
     hessian, gradient = sums.moving.copy(), sums.gradient.copy()
     variance = noise.scale * max(pose.width, noise.narrowest) ** noise.power
     held = variance / noise.stretched if stretches else 0.0
@@ -99,7 +99,7 @@ def moved(pose: Pose, sums: Sums, noise: Noise, stretches: bool, term: Measured 
         added = np.diag([0.0] * 6 + [held] * 2)
         pair = [_of_pose(matrix + added, stretches) for matrix in (sums.whole, (sums.shared + sums.shared.T) / 2)]
         step = posterior_step(step, usual_covariance(*pair, variance, noise.usual), off, term)
-        off = off + term.jacobian[0] @ step
+        off = off + term["jacobian"] @ step
     stretch = pose.stretch
     if stretches:
         free = np.eye(2) if term is not None else np.array([[1.0], [-1.0]])
@@ -133,13 +133,13 @@ def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: float, u
     return (axes * variance * np.clip(usual * 0.3 / np.maximum(share, 1e-9), usual, 1.0)) @ axes.T
 
 
-def posterior_step(step: np.ndarray, covariance: np.ndarray, off: np.ndarray, term: Measured) -> np.ndarray:
+def posterior_step(step: np.ndarray, covariance: np.ndarray, off: np.ndarray, term: np.ndarray) -> np.ndarray:
     """(6,) step by scans and instruments, from that by the scans alone and its covariance by independent errors."""
-    jacobian, scans = term.jacobian[0], covariance + term.systematic[0]
-    there, (believed, distorted) = off + jacobian @ step, term.limits
+    jacobian, scans = term["jacobian"], covariance + term["systematic"]
+    there, (believed, distorted) = off + jacobian @ step, term["limits"]
     squared = there @ np.linalg.solve(jacobian @ scans @ jacobian.T + np.eye(6), there)
     factor = max(squared - believed, 0.0) / max(distorted - squared, distorted / 1e6)
-    along = term.shortest[0] @ there
+    along = term["shortest"] @ there
     information = np.linalg.inv(scans + factor / max(squared, believed) * np.outer(along, along))
     whole = information + jacobian.T @ jacobian + 1e-6 * np.eye(6)
     return np.linalg.solve(whole, information @ step - jacobian.T @ off)

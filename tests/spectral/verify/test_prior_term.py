@@ -27,8 +27,8 @@ def height(off: float, sigma: float) -> PriorTerm:
 def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) -> np.ndarray:
     """The step by scans and instruments that the device computes, by its twin."""
     parts = term.residual, term.jacobian, term.covariance, term.systematic
-    measured = PriorTerm(*(part[None] for part in parts)).measured()
-    return steps.posterior_step(step, covariance, measured.off[0], measured)
+    (one,) = PriorTerm(*(part[None] for part in parts)).for_device()
+    return steps.posterior_step(step, covariance, one["off"], one)
 
 
 def test_scans_and_instrument_meet_where_their_variances_say() -> None:
