@@ -103,7 +103,7 @@ def _registration(device: Device) -> Iterator[Measured]:
     yield Measured("the rotation of a registration", float(np.rad2deg((R * _TURN.inv()).magnitude())), 5.0, "degrees")
     correlator, pose = Correlator(device, _EDGE, blur=1.0), Pose(_TURN.as_matrix())
     on_device = device.to_device(source)
-    (((peak,),),) = correlator.find(on_device, [pose], [whitened], 1, 3.0)
+    (peak,) = correlator.find(on_device, [pose], [whitened], 1, 3.0).peaks
     yield Measured("the shift of a registration", float(np.abs(peak.shift - _SHIFT).max()), 0.25, "voxels")
     (again,) = correlator.near(on_device, [pose], [whitened], np.array([peak.index])).read()
     yield Measured("the height of a peak near a known shift", float(abs(again.value / peak.value - 1)), 1e-3)
@@ -124,7 +124,7 @@ def _surfaces(device: Device) -> Iterator[Measured]:
         for each in (cells, sort_into_cells(device, source))
     ]
     weighting = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
-    steps = Refinement(device, *surfaces, 2000, weighting, Noise(1e-3, 2.0, 0.02, 1e-4, 0.1))
+    steps = Refinement(device, surfaces[0], surfaces[1], 2000, weighting, Noise(1e-3, 2.0, 0.02, 1e-4, 0.1))
     steps.begin(turn.as_matrix()[None], shift[None], np.zeros(1))
     for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
         steps.step(reach)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.arrays import Pending
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
+from sonarmap.kernels.pomf.correlator import Correlator, FoundPeaks, Pose, at_once
 from sonarmap.kernels.pomf.peak import Peak
 
 # Standard deviation of the Gaussian that the correlation is smoothed with [voxels]. Noise and voxelization spread the
@@ -50,12 +50,12 @@ class Translation:
     def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
         """The highest peak of the correlation with the first exponent, at s where p_target = R p_source + s about the
         grid centers. The rotated points are voxelized again, as rotating the voxels would blur them."""
-        return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 1, 3.0)[0][0][0]
+        return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 1, 3.0).peaks[0]
 
-    def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:
+    def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> Peak:
         """The next highest peak of that correlation, farther than `separation` [voxels] from the highest, if any."""
         found = self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 2, separation)
-        return found[0][0][1:]
+        return found.of(0)[1:]
 
     def find_within(
         self,
@@ -65,7 +65,7 @@ class Translation:
         boxes: Sequence[Box | None],
         count: int,
         separation: float,
-    ) -> list[list[list[Peak]]]:
+    ) -> FoundPeaks:
         """The `count` highest peaks, or fewer, for each of m rotations and each exponent, within the rotation's box.
 
         Peaks are farther than `separation` [voxels] apart. Within a box a peak's shift is the true one, and points that
@@ -76,19 +76,15 @@ class Translation:
             Pose(R) if box is None else Pose(R, box.center, box.half)
             for R, box in zip(R_target_source.as_matrix(), bounds, strict=True)
         ]
-        peaks = self._correlator.find(source.points, poses, target.spectra, count, separation)
-        return [
-            each if box is None else [[replace(peak, shift=peak.shift + box.center) for peak in row] for row in each]
-            for each, box in zip(peaks, bounds, strict=True)
-        ]
+        found = self._correlator.find(source.points, poses, target.spectra, count, separation)
+        centers = np.array([np.zeros(3) if box is None else box.center for box in bounds]).reshape(-1, 3)
+        return replace(found, peaks=replace(found.peaks, shift=found.peaks.shift + centers[found.pose]))
 
     def is_bounded(self, box: Box | None) -> bool:
         """Whether there is a box and it is smaller than the grid."""
         return box is not None and bool((box.half < self.edge / 2).all())
 
-    def find_at(
-        self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray
-    ) -> Pending[list[Peak]]:
+    def find_at(self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray) -> Pending[Peak]:
         """The highest values within a voxel of shifts (m, 3) [voxels], one for each of m rotations, peaks or not."""
         poses = [Pose(R) for R in R_target_source.as_matrix()]
         places = np.rint(shifts).astype(np.int64)

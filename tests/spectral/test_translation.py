@@ -43,22 +43,20 @@ def far(device: Device) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("center", [[18, 5, -3]])
 def test_a_shift_beyond_half_the_grid_is_not_wrapped(translation, far, center):
-    free = translation.find_within(*far, ALONE, [None], 1, 2.0)[0]
-    np.testing.assert_allclose(free[0][0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)
+    free = translation.find_within(*far, ALONE, [None], 1, 2.0)
+    np.testing.assert_allclose(free.peaks[0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)
     box = Box(np.array(center, float), np.array([3.0, 2.5, 4.0]))
-    boxed = translation.find_within(*far, ALONE, [box], 1, 2.0)[0]
-    assert len(boxed) == 2
-    for peaks in boxed:
-        np.testing.assert_allclose(peaks[0].shift, FAR, atol=0.5)
+    boxed = translation.find_within(*far, ALONE, [box], 1, 2.0)
+    assert boxed.exponent.tolist() == [0, 1]
+    np.testing.assert_allclose(boxed.peaks.shift, [FAR, FAR], atol=0.5)
 
 
 def test_all_shifts_lie_in_their_box(translation: Translation, far: tuple[Any, Any]) -> None:
     """The peak's voxel is inside; interpolation adds half a voxel at most."""
     center, half = np.array([-11.0, 4.0, 13.0]), np.array([4.0, 2.2, 5.0])
-    for peaks in translation.find_within(*far, ALONE, [Box(center, half)], 6, 1.0)[0]:
-        assert len(peaks) > 1
-        for peak in peaks:
-            assert (np.abs(peak.shift - center) <= np.floor(half) + 0.5).all()
+    found = translation.find_within(*far, ALONE, [Box(center, half)], 6, 1.0)
+    assert (np.bincount(found.exponent) > 1).all()
+    assert (np.abs(found.peaks.shift - center) <= np.floor(half) + 0.5).all()
 
 
 def test_the_height_at_a_shift_is_that_of_the_first_exponent(translation: Translation, far: tuple[Any, Any]) -> None:
@@ -72,6 +70,6 @@ def test_a_box_as_large_as_the_grid_bounds_nothing(translation: Translation, far
     box = Box(np.array([7.0, 0, 0]), np.array([3.0, 3.0, EDGE / 2]))
     assert not translation.is_bounded(box)
     assert not translation.is_bounded(None)
-    boxed, free = translation.find_within(*far, Rotation.concatenate([R, R]), [box, None], 3, 2.0)
-    for some, all_of_them in zip(boxed, free, strict=True):
-        np.testing.assert_array_equal([p.shift for p in some], [p.shift for p in all_of_them])
+    found = translation.find_within(*far, Rotation.concatenate([R, R]), [box, None], 3, 2.0)
+    for exponent in range(len(EXPONENTS)):
+        np.testing.assert_array_equal(found.of(0, exponent).shift, found.of(1, exponent).shift)

@@ -42,6 +42,19 @@ class Pose:
     limits: np.ndarray | None = None  # (3,) largest absolute cyclic shift of a peak's voxel [voxels], or None for any
 
 
+@dataclass(frozen=True, slots=True)
+class FoundPeaks:
+    """Peaks of several correlations, by exponent, then by pose, highest first."""
+
+    exponent: np.ndarray  # (n,) int64
+    pose: np.ndarray  # (n,) int64
+    peaks: Peak
+
+    def of(self, pose: int, exponent: int = 0) -> Peak:
+        """The peaks of one correlation."""
+        return self.peaks[(self.pose == pose) & (self.exponent == exponent)]
+
+
 class Correlator:
     """Phase-only matched filtering (Sect. 2.1 of the paper) of a target with points under any number of poses.
 
@@ -70,7 +83,7 @@ class Correlator:
 
     def find(
         self, points: cla.Array, poses: Sequence[Pose], targets: Sequence[cla.Array], count: int, separation: float
-    ) -> list[list[list[Peak]]]:
+    ) -> FoundPeaks:
         """The highest peaks of the correlation for each pose and exponent, by the rules of `find_peaks`.
 
         Args:
@@ -83,17 +96,20 @@ class Correlator:
             now = min(self.most, len(poses) - first)
             self._correlate(points, rows, first, now, targets)
             self._choose(rows, separation, first, now, out)
-        peaks, incomplete = _chosen_peaks(out.get(), self.edge)
-        for n in sorted({n for n, _ in incomplete}):
-            correlations, limits = self.correlations(points, poses[n], targets), poses[n].limits
+        records = out.get()
+        for n, exponent in np.argwhere(records[:, :, 0] < 0).tolist():  # more maxima than the device lists
+            correlation, limits = self.correlations(points, poses[n], targets)[exponent], poses[n].limits
             reach = None if limits is None else (float(limits[0]), float(limits[1]), float(limits[2]))
-            for e in (e for pose, e in incomplete if pose == n):
-                peaks[n][e] = find_peaks(self.device, correlations[e], count, separation, reach)
-        return peaks
+            peaks = find_peaks(self.device, correlation, count, separation, reach)
+            rows = np.ravel_multi_index(tuple(peaks.index.T), correlation.shape)
+            cubes = np.ascontiguousarray(peaks.neighborhood).reshape(-1, _RECORD - 1).view(np.int32)
+            records[n, exponent, 0] = len(peaks)
+            records[n, exponent, 4 : 4 + _RECORD * len(peaks)] = np.column_stack([rows, cubes]).ravel()
+        return _chosen_peaks(records, self.edge)
 
     def near(
         self, points: cla.Array, poses: Sequence[Pose], targets: Sequence[cla.Array], shifts: np.ndarray
-    ) -> Pending[list[Peak]]:
+    ) -> Pending[Peak]:
         """The highest of the 27 voxels around a shift, (poses, 3) int64, cyclic [voxels], in each pose's correlation
         for the first exponent. Other arguments as in `find`; the poses' limits are ignored."""
         rows = self._upload(poses)
@@ -171,25 +187,22 @@ class Correlator:
         launch(self.device, "pomf/choose", "choose", (cubes,), *arrays, *counts, group=None, **macros)
 
 
-def _chosen_peaks(records: np.ndarray, n: int) -> tuple[list[list[list[Peak]]], list[tuple[int, int]]]:
-    """Peaks of each pose and exponent, and the (pose, exponent) whose peaks may be incomplete."""
-    poses, exponents, length = records.shape
+def _chosen_peaks(records: np.ndarray, n: int) -> FoundPeaks:
+    """Peaks from records (poses, exponents, numbers) of choose.cl."""
     statistics = records[:, :, 1:3].view(np.float32).astype(np.float64)
     if not np.isfinite(statistics).all():
         raise InputError(NOT_FINITE)
-    chosen = np.maximum(records[:, :, 0], 0)
-    peaks = records[:, :, 4:].reshape(poses, exponents, (length - 4) // _RECORD, _RECORD)
-    which = np.arange(peaks.shape[2]) < chosen[:, :, None]
-    index = np.stack(np.unravel_index(peaks[which][:, 0], (n, n, n)), axis=1)
-    cubes = np.ascontiguousarray(peaks[which][:, 1:]).view(np.float32).reshape(-1, 3, 3, 3)
-    mean, std = np.repeat(statistics.reshape(-1, 2), chosen.ravel(), axis=0).T
-    fits = iter(fit_peaks(index, cubes, (n, n, n), mean, std))
-    fitted = [[[next(fits) for _ in range(count)] for count in row] for row in chosen.tolist()]
-    incomplete = [(int(pose), int(exponent)) for pose, exponent in np.argwhere(records[:, :, 0] < 0)]
-    return fitted, incomplete
+    poses, exponents, length = records.shape
+    peaks = records[:, :, 4:].reshape(poses, exponents, length // _RECORD, _RECORD)
+    exponent, pose, number = np.nonzero(np.arange(peaks.shape[2]) < records[:, :, :1].swapaxes(0, 1))
+    rows = peaks[pose, exponent, number]
+    index = np.stack(np.unravel_index(rows[:, 0], (n, n, n)), axis=1)
+    cubes = np.ascontiguousarray(rows[:, 1:]).view(np.float32).reshape(-1, 3, 3, 3)
+    mean, std = statistics[pose, exponent].T
+    return FoundPeaks(exponent, pose, fit_peaks(index, cubes, (n, n, n), mean, std))
 
 
-def _highest_near(edge: int, places: NDArray[np.int64], sums: NDArray[np.complex64]) -> list[Peak]:
+def _highest_near(edge: int, places: NDArray[np.int64], sums: NDArray[np.complex64]) -> Peak:
     """The highest of the 27 voxels around each place (m, 3), peak or slope, from near.cl's sums (m, `_SUMS`, pitch).
     The mean is the term of frequency 0; the deviation follows from the spectrum's power by Parseval's theorem."""
     n, exact = edge, sums.astype(np.complex128)

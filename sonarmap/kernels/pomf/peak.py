@@ -16,7 +16,7 @@ _LEAST_SHARE = 0.05  # of the peak; lower neighbors count as this share in the G
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """One local maximum of a cyclic correlation.
+    """One local maximum of a cyclic correlation, a float for each number; or n of them, in arrays of n rows.
 
     Attributes:
         index: (3,) int64, the peak's voxel.
@@ -31,17 +31,23 @@ class Peak:
 
     index: np.ndarray
     shift: np.ndarray
-    value: float
-    top: float
-    psr: float
+    value: Any
+    top: Any
+    psr: Any
     neighborhood: np.ndarray
-    mean: float
-    std: float
+    mean: Any
+    std: Any
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, n: int | slice | np.ndarray) -> "Peak":
+        return Peak(*(getattr(self, name)[n] for name in self.__slots__))
 
 
 def fit_peaks(
     index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean: float | np.ndarray, std: float | np.ndarray
-) -> list[Peak]:
+) -> Peak:
     """Fit the peaks at voxels (m, 3), with neighborhoods (m, 3, 3, 3), of a cyclic correlation of `shape`. `mean` and
     `std` are those of the whole correlation, or (m,) for peaks of several correlations."""
     values = cubes[:, 1, 1, 1].astype(np.float64)
@@ -52,11 +58,7 @@ def fit_peaks(
     shifts, tops = signed(index, np.array(shape)) + offsets, values * np.exp(heights.sum(axis=1))
     means, stds = (np.broadcast_to(np.asarray(each, np.float64), tops.shape) for each in (mean, std))
     ratios = np.divide(tops - means, stds, out=np.zeros(len(tops)), where=stds > 0)
-    numbers = np.column_stack([values, tops, ratios, means, stds]).tolist()
-    return [
-        Peak(place, shift, value, top, psr, cube, its_mean, its_std)
-        for place, shift, cube, (value, top, psr, its_mean, its_std) in zip(index, shifts, cubes, numbers, strict=True)
-    ]
+    return Peak(index, shifts, values, tops, ratios, cubes, means, stds)
 
 
 def _fit_gaussians(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +89,7 @@ def find_peaks(
     count: int = 1,
     separation: float = 3,
     limits: tuple[float | None, float | None, float | None] | None = None,
-) -> list[Peak]:
+) -> Peak:
     """The highest local maxima of a correlation, highest first.
 
     A peak is a voxel that none of its 26 cyclic neighbors exceeds; of two that are not separated the higher is kept.

@@ -1,7 +1,7 @@
 """Candidate poses, and hypotheses: refined relative poses of two scans, with their evidence."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from math import isnan, log, nan
 
 import numpy as np
@@ -16,33 +16,13 @@ from sonarmap.spectral.verify.fit import Fit
 class Candidates:
     """n candidate poses, as arrays."""
 
-    rotation: np.ndarray  # (n,) int64, index of the rotation
     R: Rotation  # (n,) R_target_source
     shifts: np.ndarray  # (n, 3) p_target = R p_source + shift about the grid centers [voxels]
     psr: np.ndarray  # (n,) of the translation's peak
     rotation_scores: np.ndarray  # (n,) of the rotation's peak, from `RotationPeaks`
 
-    def usual_height(self) -> float:
-        """Median over the rotations of their highest psr; 1 if it is not above 0."""
-        highest = [self.psr[self.rotation == rotation].max() for rotation in np.unique(self.rotation)]
-        usual = float(np.median(highest)) if highest else 0.0
-        return usual if usual > 0 else 1.0
-
-    def raised(self, factor: float) -> "Candidates":
-        """The candidates with psr multiplied by `factor`."""
-        return replace(self, psr=self.psr * factor)
-
-    @staticmethod
-    def joined(parts: "Sequence[Candidates]") -> "Candidates":
-        rows = {name: [getattr(part, name) for part in parts] for name in _NAMES}
-        R = Rotation.concatenate(rows.pop("R"))
-        return Candidates(R=R, **{name: np.concatenate(arrays) for name, arrays in rows.items()})
-
     def select(self, selected: np.ndarray) -> "Candidates":
-        return Candidates(*(getattr(self, name)[selected] for name in _NAMES))
-
-
-_NAMES = [field.name for field in fields(Candidates)]
+        return Candidates(self.R[selected], self.shifts[selected], self.psr[selected], self.rotation_scores[selected])
 
 
 MOST_MEASURED = 30.0  # largest chi-squared by instruments that counts

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.arrays import Pending, upload_poses
 from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.pomf.correlator import FoundPeaks
 from sonarmap.kernels.pomf.peak import Peak
 from sonarmap.kernels.surface.shared import Nearness, WeightedElements, shared_sums
 from sonarmap.spectral.grid import coarse_edge
@@ -22,7 +23,7 @@ from sonarmap.spectral.prepare.range_image import COARSE, FINE, Visibility, visi
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.so3 import RotationPeaks, distinct
-from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
+from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation
 from sonarmap.spectral.verify.fit import Fit, firmness
 from sonarmap.spectral.verify.hypothesis import Candidates, Evidence, Hypothesis
 
@@ -61,7 +62,7 @@ def observe_directions(
     turned = correlation.find_at(target, source, R, np.tile(fit.shift * scale, (len(turns), 1)))
 
     def read() -> Observability:
-        around = np.array([peak.value for peak in turned.read()]).reshape(-1, 2).max(axis=1)
+        around = turned.read().value.reshape(-1, 2).max(axis=1)
         values = profile.read().reshape(len(WHITENINGS), 3, len(steps))
         away = np.abs(steps)
         peak = values[:, :, away <= _PEAK].max(axis=(1, 2))
@@ -200,39 +201,28 @@ class Verifier:
         """
         scale = self.edge / self.coarse_edge
         coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
-        found = self._candidates(self._coarse, target.coarse, source.coarse, rotations, coarse_boxes, scale)
-        usual = [each.usual_height() for each in found]
-        return Candidates.joined([each.raised(usual[0] / height) for each, height in zip(found, usual, strict=True)])
+        found = self._coarse.find_within(target.coarse, source.coarse, rotations.R, coarse_boxes, _PEAKS, _SEPARATION)
+        usual = np.array([_usual_height(found, exponent) for exponent in range(len(WHITENINGS))])
+        psr = found.peaks.psr * (usual[0] / usual)[found.exponent]
+        bounded = [self._coarse.is_bounded(box) for box in coarse_boxes]
+        return self._candidates(rotations, bounded, found, found.peaks.shift * scale, psr)
 
     def fine_candidates(
         self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
     ) -> Candidates:
         """Like `candidates`, from the whole grid: refined rotations have higher peaks, and other ones."""
-        return self._candidates(self.translation, target.volume, source.volume, rotations, boxes, 1.0)[0]
+        found = self.translation.find_within(target.volume, source.volume, rotations.R, boxes, _PEAKS, _SEPARATION)
+        bounded = [self.translation.is_bounded(box) for box in boxes]
+        return self._candidates(rotations, bounded, found, found.peaks.shift, found.peaks.psr)
 
     def _candidates(
-        self,
-        translation: Translation,
-        target: Volume,
-        source: Volume,
-        rotations: RotationPeaks,
-        boxes: Sequence[Box | None],
-        scale: float,
-    ) -> list[Candidates]:
-        """Candidates for each exponent, with all shifts that a cyclic one may stand for if no box bounds them."""
-        by_rotation = translation.find_within(target, source, rotations.R, boxes, _PEAKS, _SEPARATION)
-        bounded = [translation.is_bounded(box) for box in boxes]
-        candidates: list[Candidates] = []
-        for exponent in range(len(translation.exponents)):
-            rows = [each[exponent] for each in by_rotation]
-            rotation = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
-            shifts = np.array([peak.shift for row in rows for peak in row]).reshape(-1, 3) * scale
-            psr = np.array([peak.psr for row in rows for peak in row])
-            peak, places = self._unwrapped(shifts, np.array(bounded, bool)[rotation])
-            named = rotation[peak]
-            R, scores = rotations.R[named], rotations.scores[named]
-            candidates.append(Candidates(named, R, places, psr[peak], scores))
-        return candidates
+        self, rotations: RotationPeaks, bounded: Sequence[bool], found: FoundPeaks, shifts: np.ndarray, psr: np.ndarray
+    ) -> Candidates:
+        """Candidates at the shifts (m, 3) of peaks, and at all others that cyclic ones may stand for if the rotation's
+        shifts are not bounded."""
+        peak, places = self._unwrapped(shifts, np.array(bounded, bool)[found.pose])
+        rotation = found.pose[peak]
+        return Candidates(rotations.R[rotation], places, psr[peak], rotations.scores[rotation])
 
     def _unwrapped(self, shifts: np.ndarray, bounded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n,) int64 indices of cyclic shifts (m, 3), and (n, 3) the shifts that these may stand for and at which
@@ -297,8 +287,17 @@ def _observation(views: Pending[list[Visibility]], surfaces: Pending[SharedSurfa
     return Observation(surfaces.read(), views.read())  # the surfaces are queued last: reading them waits for all
 
 
-def _measured(hypotheses: Sequence[Hypothesis], peaks: Sequence[Peak]) -> list[Hypothesis]:
+def _measured(hypotheses: Sequence[Hypothesis], peaks: Peak) -> list[Hypothesis]:
     return [
-        replace(each, evidence=replace(each.evidence, psr=peak.psr))
-        for each, peak in zip(hypotheses, peaks, strict=True)
+        replace(each, evidence=replace(each.evidence, psr=psr))
+        for each, psr in zip(hypotheses, peaks.psr.tolist(), strict=True)
     ]
+
+
+def _usual_height(found: FoundPeaks, exponent: int) -> float:
+    """Median over the rotations of their highest psr; 1 if it is not above 0."""
+    rows = found.exponent == exponent
+    pose, psr = found.pose[rows], found.peaks.psr[rows]
+    highest = [psr[pose == each].max() for each in np.unique(pose)]
+    usual = float(np.median(highest)) if highest else 0.0
+    return usual if usual > 0 else 1.0

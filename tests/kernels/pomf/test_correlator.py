@@ -62,9 +62,9 @@ class TestPeaks:
     def test_equal_numpy(self, device: Device, edge, number, count) -> None:
         points, given = surface(edge), poses(number)
         found = make(device, edge).find(device.to_device(points), given, spectra(device, points, edge), count, 2.0)
-        assert len(found) == number
-        for pose, by_exponent in zip(given, found, strict=True):
-            for exponent, peaks in zip(EXPONENTS, by_exponent, strict=True):
+        for n, pose in enumerate(given):
+            for e, exponent in enumerate(EXPONENTS):
+                peaks = found.of(n, e)
                 want = correlation_of(volume_of(points, edge, STILL), volume_of(points, edge, pose), exponent, BLUR)
                 assert [peak.index.tolist() for peak in peaks] == highest_maxima(want, count, 2.0, pose.limits)
                 for peak in peaks:
@@ -80,33 +80,30 @@ class TestPeaks:
         points, given = device.to_device(surface(32)), poses(5)
         targets = spectra(device, surface(32), 32)
         few, many = make(device, 32, most=1), make(device, 32, most=4)
-        psr = [
-            [[peak.psr for peak in peaks] for each in correlator.find(points, given, targets, 3, 2.0) for peaks in each]
-            for correlator in (few, many, few)
-        ]
-        assert psr[0] == psr[2]
-        for one, other in zip(psr[0], psr[1], strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-6)
+        psr = [correlator.find(points, given, targets, 3, 2.0).peaks.psr for correlator in (few, many, few)]
+        np.testing.assert_array_equal(psr[0], psr[2])
+        np.testing.assert_allclose(psr[0], psr[1], rtol=1e-6)
 
     @pytest.mark.parametrize("edge", [32, pytest.param(18, marks=pytest.mark.slow)])
     def test_more_equal_maxima_than_the_device_lists(self, device: Device, edge: int) -> None:
         """A line along z correlates equally at all shifts along z; 18 cubed is no multiple of an alignment."""
         z = np.arange(-edge // 2, edge // 2)
         line = np.column_stack([0 * z, 0 * z, z, 0 * z + 1]).astype(np.float32)
-        (by_exponent,) = make(device, edge).find(device.to_device(line), [STILL], spectra(device, line, edge), 2, 2.0)
-        for first, second in by_exponent:
+        found = make(device, edge).find(device.to_device(line), [STILL], spectra(device, line, edge), 2, 2.0)
+        for first, second in (found.of(0, e) for e in range(len(EXPONENTS))):
             assert first.index[:2].tolist() == second.index[:2].tolist() == [0, 0]
             assert abs(int(first.index[2] - second.index[2])) > 2
 
     def test_fewer_maxima_no_poses_and_no_points(self, device: Device) -> None:
         points, targets = surface(16), spectra(device, surface(16), 16)
         correlator, pose = make(device, 16), Pose(np.eye(3), limits=np.array([1, 1, 1]))
-        ((peaks, _),) = correlator.find(device.to_device(points), [pose], targets, 20, 1.0)
-        assert [peak.index.tolist() for peak in peaks] == [[0, 0, 0]]
-        assert correlator.find(device.to_device(points), [], targets, 1, 1.0) == []
+        found = correlator.find(device.to_device(points), [pose], targets, 20, 1.0)
+        assert found.of(0).index.tolist() == [[0, 0, 0]]
+        assert not len(correlator.find(device.to_device(points), [], targets, 1, 1.0).peaks)
         outside = device.to_device(points + np.float32(1000))
-        (by_exponent,) = correlator.find(outside, [STILL], targets, 1, 1.0)
-        assert [[peak.psr for peak in peaks] for peaks in by_exponent] == [[0.0], [0.0]]
+        found = correlator.find(outside, [STILL], targets, 1, 1.0)
+        assert found.exponent.tolist() == [0, 1]
+        assert found.peaks.psr.tolist() == [0.0, 0.0]
 
     def test_nan_is_refused(self, device: Device) -> None:
         points = surface(16)

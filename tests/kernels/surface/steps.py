@@ -1,6 +1,6 @@
 """Point-to-plane steps in NumPy and SciPy, float64, with which the kernels are compared."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import eigh
@@ -18,7 +18,7 @@ class Pose:
     shift: np.ndarray
     width: float
     stretch: np.ndarray
-    off: np.ndarray | None = None  # residuals of instruments, if there are any
+    off: np.ndarray = field(default_factory=lambda: np.zeros(6))  # residuals of instruments
 
 
 @dataclass
@@ -95,10 +95,10 @@ def moved(pose: Pose, sums: Sums, noise: Noise, stretches: bool, term: np.ndarra
     gradient[6:] += held * pose.stretch
     step = _step_alone(hessian, gradient, pose, stretches)
     off = pose.off
-    if term is not None and off is not None:
+    if term is not None:
         added = np.diag([0.0] * 6 + [held] * 2)
-        pair = [_of_pose(matrix + added, stretches) for matrix in (sums.whole, (sums.shared + sums.shared.T) / 2)]
-        step = posterior_step(step, usual_covariance(*pair, variance, noise.usual), off, term)
+        whole, shared = (_of_pose((sum_ + sum_.T) / 2 + added, stretches) for sum_ in (sums.whole, sums.shared))
+        step = posterior_step(step, usual_covariance(whole, shared, variance, noise.usual), off, term)
         off = off + term["jacobian"] @ step
     stretch = pose.stretch
     if stretches:
@@ -129,8 +129,8 @@ def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: float, u
     """Covariance (6, 6) of the pose by the planes of a Hessian, without rare large errors; larger along directions in
     which both scans share less than 0.3 of the information."""
     damped = hessian + 1e-9 * (np.trace(hessian) + 1e-9) * np.eye(6)
-    share, axes = eigh(shared, damped)
-    return (axes * variance * np.clip(usual * 0.3 / np.maximum(share, 1e-9), usual, 1.0)) @ axes.T
+    share, axes = (np.array(part, np.float64) for part in eigh(shared, damped))
+    return (axes * (variance * np.clip(usual * 0.3 / np.maximum(share, 1e-9), usual, 1.0))) @ axes.T
 
 
 def posterior_step(step: np.ndarray, covariance: np.ndarray, off: np.ndarray, term: np.ndarray) -> np.ndarray:

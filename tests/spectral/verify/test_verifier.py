@@ -90,8 +90,8 @@ class TestCandidates:
         candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
         off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
         right = np.flatnonzero(off < 2.0)
-        assert (candidates.rotation[right] == 1).all()
-        assert candidates.psr[right].max() > 1.5 * candidates.psr[candidates.rotation == 0].max()
+        assert (candidates.rotation_scores[right] == 0.1).all()
+        assert candidates.psr[right].max() > 1.5 * candidates.psr[candidates.rotation_scores == 0.9].max()
         np.testing.assert_allclose((candidates.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
 
     def test_the_best_candidate_is_true_and_all_are_distinct(self, verifier, pair) -> None:
