@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.geometry import cross_matrices, level_covariance, measured_rotation, rotation_covariance, twist
+from sonarmap.spectral.geometry import cross_matrices, level_covariance, measured_rotation, rotation_covariance
 from sonarmap.spectral.scan import PosePrior
 
 # Bound on rotations and shifts [standard deviations]
@@ -159,8 +159,13 @@ class RelativePrior:
         """Difference of N rotations from the measured one, R_world_target R R_world_source^-1 = S Rz(turn): (N, 2)
         rotation vectors of S, whose axes are level, and (N,) turns within pi [rad]."""
         difference = self._R_world_target * R_target_source * self._R_world_source.inv()
-        turn = twist(difference)
-        return (difference * Rotation.from_euler("Z", turn[:, None]).inv()).as_rotvec()[:, :2], turn
+        x, y, z, w = difference.as_quat(canonical=True).T
+        half = np.arctan2(z, w)
+        # the quaternion of S has the real part hypot(z, w) and the imaginary part (x, y) turned by half of the turn
+        level = np.column_stack([np.cos(half) * x - np.sin(half) * y, np.cos(half) * y + np.sin(half) * x])
+        sine = np.linalg.norm(level, axis=1, keepdims=True)
+        angle = 2 * np.arctan2(sine, np.hypot(z, w)[:, None])
+        return level * np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0), 2 * half
 
     def _lever(self, d: np.ndarray, reference: PosePrior) -> np.ndarray:
         """(..., 3) [m] lever of an error of the reference's rotation: the middle of the measured shift and d,
@@ -187,9 +192,10 @@ class RelativePrior:
     def turned(self, turns: np.ndarray, tilts: np.ndarray) -> Rotation:
         """The measured R_target_source with (n,) turns about the vertical [rad] and (m, 2) tilts, rotation vectors
         about East and North [rad]: n m rotations, turn by turn. Needs `knows_tilt`."""
-        about = Rotation.from_euler("Z", np.repeat(turns, len(tilts))[:, None])
-        tilted = Rotation.from_rotvec(np.tile(np.column_stack([tilts, np.zeros(len(tilts))]), (len(turns), 1)))
-        return self._R_world_target.inv() * tilted * about * self._R_world_source
+        tilted = self._R_world_target.inv() * Rotation.from_rotvec(np.column_stack([tilts, np.zeros(len(tilts))]))
+        about = Rotation.from_euler("Z", turns[:, None]) * self._R_world_source
+        turn, tilt = np.indices((len(turns), len(tilts))).reshape(2, -1)
+        return tilted[tilt] * about[turn]
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
         """Center (3,) and half widths (..., 3) [m] of the box of 4 standard deviations that holds the source's origin,

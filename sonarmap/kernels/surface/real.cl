@@ -11,7 +11,7 @@ typedef float8 real8;
 #endif
 // The record of a pose: its state (9 numbers of the rotation, 3 of the shift, the width, which is the median gap
 // between the surfaces, and 2 stretches); the sums of a step (3 matrices 8 x 8, a gradient, the total weight and the
-// weighted squared gaps); 6 axes of 8 numbers, 6 of them used; 8 doubts, 6 of them used; the state after the last
+// weighted squared gaps); 6 axes of 8 numbers, as in solve.cl; 8 doubts, 6 of them used; the state after the last
 // step; the residuals of instruments, 0 beyond their number; and the step by the pairs alone.
 #define SHIFT 9
 #define WIDTH 12

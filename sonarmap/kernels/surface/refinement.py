@@ -32,7 +32,7 @@ RECORD = np.dtype(
         ("total", "f8", ()),  # sum of the weights
         ("squares", "f8", ()),  # weighted sum of the squared gaps
         ("unused_sums", "f8", (6,)),
-        ("axes", "f8", (6, 8)),
+        ("axes", "f8", (6, 8)),  # principal axes of `shared`; last its share of a pair, and that of the rest of `whole`
         ("doubts", "f8", (8,)),  # 6 sums of the squares of each pair's share of `shared` along the principal axes
         ("next_turn", "f8", (3, 3)),
         ("next_shift", "f8", (3,)),
@@ -87,7 +87,11 @@ class LastStep:
 
     def read(self) -> np.ndarray:
         """(k,) records of RECORD."""
-        return self.rows.read().astype(np.float64).view(RECORD)[:, 0]
+        return _read(self.rows)
+
+
+def _read(rows: Readback) -> np.ndarray:
+    return rows.read().astype(np.float64).view(RECORD)[:, 0]
 
 
 class Refinement:
@@ -161,6 +165,10 @@ class Refinement:
         arguments = self._sums, self._records, self._terms, self._poses, np.int32(self._parts), np.int32(moves)
         numbers = self._measured, self._stretches, *self._noise
         self._launch("surface/solve", "solve", (lanes, poses), *arguments, *numbers, group=(lanes, 1), LANES=lanes)
+
+    def read(self) -> np.ndarray:
+        """(k,) records of RECORD, without axes and doubts; waits for the device."""
+        return _read(Readback(self.device, self._records))
 
     def end(self) -> "LastStep":
         """The result of the last step, which must not have moved the poses; its read is queued."""

@@ -229,8 +229,9 @@ static void combine(real root[6][6], __global const real* const off, __global co
     solve6(information, x, step, STAY);
 }
 
-// The principal axes of the shared information, ascending; they are found for turns times the lever arm, which the
-// axes' turns are divided by. As `principal_axes` of spectral/verify/fit.py.
+// The principal axes of the shared information, ascending, each followed by its share of the information of a pair and
+// by the rest of the whole information of a pair along it; they are found for turns times the lever arm, which the axes'
+// turns are divided by. As `principal_axes` of spectral/verify/fit.py.
 static void principal_axes(__global const real* const sums, __global real* const axes) {
     const real total = fmax(sums[TOTAL], (real)1e-12f);
     const real turning = sums[SHARED] + sums[SHARED + 9] + sums[SHARED + 18];
@@ -247,7 +248,15 @@ static void principal_axes(__global const real* const sums, __global real* const
     for (int i = 0; i < 6; ++i) {
         int rank = 0;
         for (int j = 0; j < 6; ++j) rank += A[j][j] < A[i][i] || (A[j][j] == A[i][i] && j < i);
-        for (int k = 0; k < 6; ++k) axes[rank * 8 + k] = V[k][i] / (k < 3 ? lever : 1);
+        real rest = 0;
+        for (int k = 0; k < 6; ++k) V[k][i] /= k < 3 ? lever : 1;
+        for (int k = 0; k < 6; ++k) {
+            axes[rank * 8 + k] = V[k][i];
+            for (int j = 0; j < 6; ++j)
+                rest += V[k][i] * V[j][i] * (sums[WHOLE + k * 8 + j] - sums[SHARED + k * 8 + j]) / total;
+        }
+        axes[rank * 8 + 6] = A[i][i];
+        axes[rank * 8 + 7] = rest;
     }
 }
 

@@ -150,7 +150,7 @@ class Fit:
     # median distance to the planes of all points within at least 3 voxels [voxels]: the distance between the surfaces
     # by noise, distortion, or because they differ
     width: float = 0.0
-    # (6,) standard errors of the shares from `principal_axes`, by chance and by noise that both scans share
+    # (6,) standard errors of `shares`, by chance and by noise that both scans share
     doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
     # instruments' measurements, about the pose before the last step; None without any
     prior: PriorTerm | None = None
@@ -161,6 +161,8 @@ class Fit:
     stretch: np.ndarray | None = None
     # (2, 8) rows of these shares in the Hessian by pose and shares, by the planes alone
     stretching: np.ndarray | None = None
+    # (6,) information per pair of points along the axes of `principal_axes`, ascending
+    shares: np.ndarray = field(default_factory=lambda: np.zeros(6))
 
     @property
     def by_scans(self) -> "Fit":
@@ -176,23 +178,13 @@ def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[
     counted = np.maximum(np.asarray(pairs), 1e-12)
     turning = np.trace(information[..., :3, :3], axis1=-2, axis2=-1)
     lever = np.sqrt(np.maximum(turning, 1e-12) / counted)
-    share, axes = np.linalg.eigh(_of_a_pair(information, lever, counted))
+    units = np.repeat(np.stack([lever, np.ones_like(lever)], axis=-1), 3, axis=-1)
+    of_a_pair = information / (units[..., :, None] * units[..., None, :] * counted[..., None, None])
+    share, axes = np.linalg.eigh(of_a_pair)
     return share, axes, lever
 
 
-def shares_along(other: np.ndarray, information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(..., 6) information per pair of another matrix (..., 6, 6) along the axes of `principal_axes`."""
-    _, axes, lever = principal_axes(information, pairs)
-    return np.einsum("...ia,...ij,...ja->...a", axes, _of_a_pair(other, lever, pairs), axes)
-
-
-def _of_a_pair(information: np.ndarray, lever: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    units = np.repeat(np.stack([lever, np.ones_like(lever)], axis=-1), 3, axis=-1)
-    return information / (units[..., :, None] * units[..., None, :] * np.asarray(pairs)[..., None, None])
-
-
-def firmness(information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(...) 0..1, geometric mean over all directions of the planes' information per pair: low for two flat places,
-    which fit anywhere, as planes constrain three directions of six."""
-    share, _, _ = principal_axes(information, pairs)
-    return np.exp(np.log(np.maximum(share, _LOOSEST)).mean(axis=-1))
+def firmness(shares: np.ndarray) -> np.ndarray:
+    """(...) 0..1, geometric mean over all directions of the planes' information per pair, `Fit.shares` (..., 6): low
+    for two flat places, which fit anywhere, as planes constrain three directions of six."""
+    return np.exp(np.log(np.maximum(shares, _LOOSEST)).mean(axis=-1))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.spectral.prepare.range_image import FINE
 from sonarmap.spectral.so3 import RotationPeaks, distinct
 from sonarmap.spectral.verify.bounds import PairFrames
-from sonarmap.spectral.verify.fit import Fit, principal_axes
+from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Hypothesis, elsewhere, poses, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine, start_of
 from sonarmap.spectral.verify.relief import alike_places, is_level
@@ -242,7 +242,7 @@ def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:
 
 def _has_weak_direction(fit: Fit) -> bool:
     """Whether a direction has so little information that the noise of normals shortens its steps."""
-    return bool(principal_axes(fit.information, fit.pairs)[0][0] < _WEAK)
+    return bool(fit.shares[0] < _WEAK)
 
 
 def _within_margin(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:

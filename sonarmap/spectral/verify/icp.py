@@ -6,6 +6,7 @@ McClure, which suppress surfaces that only one scan shows. It needs a start near
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.surface.refinement import Noise, Refinement, Weighting
 from sonarmap.spectral.prepare.surface import Surface
-from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, shares_along
+from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm
 
 # The width is measured at reaches of at least 3 voxels. At smaller reaches rims do not move the pose: they would draw
 # the rims of both views together, which move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
@@ -49,6 +50,9 @@ class Stage:
     points: int  # largest number of points of each scan
 
 
+PriorAt = Callable[[Rotation, np.ndarray, bool], PriorTerm]  # as `PairFrames.prior_at`
+
+
 @dataclass(frozen=True, slots=True)
 class Refined:
     """k refinements whose results are on the device."""
@@ -63,28 +67,37 @@ def refine(
     source: Surface,
     begin: Start,
     stages: Sequence[Stage],
-    prior_at: Callable[[Rotation, np.ndarray, bool], PriorTerm] | None = None,
+    prior_at: PriorAt | None = None,
 ) -> Refined:
     """Queue Gauss-Newton refinements of k poses, independent of each other; stage by stage, from coarse to fine.
 
     The device takes all steps without a read, but waits after each stage if there is a prior: it is linearized about
     the pose at each stage (`PairFrames.prior_at`). With stretches there must be a single stage.
     """
-    if prior_at is not None and len(stages) > 1:
-        fits = refine(device, target, source, begin, stages[:1], prior_at).read()
-        return refine(device, target, source, start_of(fits), stages[1:], prior_at)
-    prior = None if prior_at is None else prior_at(begin.R, begin.shifts, begin.stretches)
     steps = _refinement(device, target, source, stages[0].points, begin.stretches)
-    steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, terms=None if prior is None else prior.for_device())
-    for stage in stages:
-        if stage is not stages[0]:
-            ended, steps = steps, _refinement(device, target, source, stage.points, begin.stretches)
-            steps.begin_after(ended)
-        for reach in stage.reaches[:-1] if stage is stages[-1] else stage.reaches:
+    prior = _begin(steps, begin, prior_at)
+    for stage, following in pairwise(stages):
+        for reach in stage.reaches:
             steps.step(reach)
+        ended, steps = steps, _refinement(device, target, source, following.points, begin.stretches)
+        if prior is None:
+            steps.begin_after(ended)
+        else:
+            at = ended.read()
+            prior = _begin(steps, Start(Rotation.from_matrix(at["turn"]), at["shift"], at["width"]), prior_at)
+    for reach in stages[-1].reaches[:-1]:
+        steps.step(reach)
     steps.step(stages[-1].reaches[-1], moves=False)
     last = steps.end()
     return Refined(last.poses, lambda: _fits(last.read(), prior, begin.stretches))
+
+
+def _begin(steps: Refinement, start: Start, prior_at: PriorAt | None) -> PriorTerm | None:
+    """Set the poses before the first step, and return the prior linearized about them."""
+    prior = None if prior_at is None else prior_at(start.R, start.shifts, start.stretches)
+    terms = None if prior is None else prior.for_device()
+    steps.begin(start.R.as_matrix(), start.shifts, start.widths, terms=terms)
+    return prior
 
 
 def start_of(fits: Sequence[Fit], stretches: bool = False) -> Start:
@@ -109,8 +122,8 @@ def _fits(record: np.ndarray, prior: PriorTerm | None, stretches: bool) -> list[
     information = shared[:, :6, :6]
     counted = np.where(total > 0, total, 1.0)
     residual = np.sqrt(record["squares"] / counted)
-    noise = shares_along(record["whole"][:, :6, :6] - information, information, counted)
-    doubt = np.hypot(np.sqrt(record["doubts"][:, :6]) / counted[:, None], _ALIKE * noise)
+    axes, doubts = record["axes"], np.sqrt(record["doubts"][:, :6]) / counted[:, None]
+    doubt = np.hypot(doubts, _ALIKE * axes[:, :, 7])
     R, prior = Rotation.from_matrix(record["next_turn"]), None if prior is None else prior.after(record["off"])
     return [
         Fit(
@@ -120,6 +133,7 @@ def _fits(record: np.ndarray, prior: PriorTerm | None, stretches: bool) -> list[
             residual=float(residual[n]),
             pairs=float(total[n]),
             width=float(record["width"][n]),
+            shares=axes[n, :, 6],
             doubt=doubt[n],
             prior=None if prior is None else prior.of(n),
             step=np.zeros(6) if prior is None else record["alone"][n],

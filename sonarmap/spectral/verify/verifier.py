@@ -155,7 +155,7 @@ class Observation:
 
     def evidence(self, fits: Sequence[Fit], moved: np.ndarray) -> list[Evidence]:
         """Evidence of the poses, whose refinements are `fits`; `moved` (k,) as in `Evidence`."""
-        firm = firmness(np.stack([fit.information for fit in fits]), np.array([fit.pairs for fit in fits]))
+        firm = firmness(np.stack([fit.shares for fit in fits]))
         views = [consistency(view.agree, view.contradict) for view in self.views]
         measured = np.column_stack([*views, self.surfaces.consistency, self.surfaces.overlap, firm, moved])
         return [
