@@ -194,8 +194,10 @@ class RelativePrior:
         about East and North [rad]: n m rotations, turn by turn. Needs `knows_tilt`."""
         tilted = self._R_world_target.inv() * Rotation.from_rotvec(np.column_stack([tilts, np.zeros(len(tilts))]))
         about = Rotation.from_euler("Z", turns[:, None]) * self._R_world_source
-        turn, tilt = np.indices((len(turns), len(tilts))).reshape(2, -1)
-        return tilted[tilt] * about[turn]
+        x, y, z, w = tilted.as_quat().T
+        # products of quaternions: Rotation's take 20 times as long
+        left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
+        return Rotation.from_quat(np.einsum("ijm,nj->nmi", left, about.as_quat()).reshape(-1, 4))
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
         """Center (3,) and half widths (..., 3) [m] of the box of 4 standard deviations that holds the source's origin,

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 import pyopencl.array as cla
 
-from sonarmap.kernels.device.arrays import Readback
+from sonarmap.kernels.device.arrays import Readback, recycled
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.launch import launch
+from sonarmap.kernels.device.launch import launch, table
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.surface.cells import GROUP, Elements, padded
 
@@ -134,11 +134,12 @@ class Refinement:
         records["stretch"] = 0 if stretch is None else stretch
         records["off"] = 0 if terms is None else terms["off"]
         known = np.zeros(1, TERM) if terms is None else terms
-        numbers = [each.view(np.float64).reshape(len(each), -1) for each in (records, known)]
-        if not np.isfinite(numbers[0]).all():
+        rows, known = (each.view(np.float64).reshape(len(each), -1) for each in (records, known))
+        if not np.isfinite(rows).all():
             raise InputError(f"a pose to refine is not finite: rotations {turn.tolist()}, shifts {shift.tolist()}")
         self._measured = np.int32(terms is not None)
-        self._take(*(self.device.to_device(each.astype(self._real)) for each in numbers))
+        upload = table if terms is None else Device.to_device
+        self._take(self.device.to_device(rows.astype(self._real)), upload(self.device, known.astype(self._real)))
 
     def begin_after(self, other: "Refinement") -> None:
         """Take over the poses of another refinement, on the device; the other one must not be used any more."""
@@ -148,8 +149,8 @@ class Refinement:
     def _take(self, records: cla.Array, terms: cla.Array) -> None:
         poses = len(records)
         if not hasattr(self, "_rows") or self._rows.shape[0] != poses:
-            self._rows = self.device.empty((poses, self._count, 16))
-            self._sums = self.device.empty((poses, self._parts, _SUMS), self._real)
+            self._rows = recycled(self.device, (poses, self._count, 16))
+            self._sums = recycled(self.device, (poses, self._parts, _SUMS), self._real)
             self._poses = self.device.empty((poses, 16))
         self._records, self._terms = records, terms
 
