@@ -42,7 +42,7 @@ class SpectralConfig:
     Attributes:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for no bound.
         hypotheses: number of distinct rotations to follow from each of three bands of layers; if the attitude is
-            known, twice this number of turns.
+            known, three times this number of turns.
         shortlist: largest number of candidate poses to refine.
         finalists: number of refined poses to compare on the whole grid, with at most as many that only it shows.
         least_probability: probability of the place from which a registration is accepted.
@@ -50,8 +50,8 @@ class SpectralConfig:
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
-    hypotheses: int = 6
-    shortlist: int = 72
+    hypotheses: int = 4
+    shortlist: int = 32
     finalists: int = 3
     least_probability: float = FITTED["acceptance"]["place"]
     use_strength: bool = False
@@ -200,7 +200,7 @@ class SpectralRegistrar(GridRegistrar):
         else among all; then the measured rotation, if there is one, is appended."""
         count, coefficients = self.config.hypotheses, (target.coefficients, source.coefficients)
         if (sweep := bounds.sweep) is not None:
-            return self.so3.best_of(*coefficients, sweep, 2 * count)
+            return self.so3.best_of(*coefficients, sweep, 3 * count)
         peaks = distinct_rotations(self.so3.candidates(*coefficients, count, bounds.allow_rotations))
         if (measured := bounds.measured) is None:
             return peaks
