@@ -134,7 +134,7 @@ class Correlator:
         at, out = self.device.to_device(rows), self.device.empty((len(self.exponents), len(rows)))
         numbers = np.int32(self.edge), np.int32(len(rows))
         arrays = self._values, at, out
-        launch(self.device, "pomf/rows", "sample", out.shape[::-1], *arrays, *numbers, group=None)
+        launch(self.device, "pomf/sample", "sample", out.shape[::-1], *arrays, *numbers, group=None)
         copy = Readback(self.device, out)
         return Pending(copy.read)
 

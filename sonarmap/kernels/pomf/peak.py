@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pyopencl as cl
 import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.launch import begin_of, launch, memory_of, require_array
+from sonarmap.kernels.device.launch import require_array
 from sonarmap.kernels.errors import InputError
 
 _LEAST_SHARE = 0.05  # of the peak; lower neighbors count as this share in the Gaussian fit
@@ -79,7 +78,6 @@ def signed(index: np.ndarray, n: int | np.ndarray) -> np.ndarray:
     return np.where(index < (np.asarray(n) + 1) // 2, index, index - n)
 
 
-_ROWS_PER_ITEM = 16  # on a CPU, where a work-item is a work-group, which costs as much as a short row
 NOT_FINITE = "the correlation has values that are not finite; check the input volumes"
 
 
@@ -90,7 +88,7 @@ def find_peaks(
     separation: float = 3,
     limits: tuple[float | None, float | None, float | None] | None = None,
 ) -> Peak:
-    """The highest local maxima of a correlation, highest first.
+    """The highest local maxima of a correlation, highest first; the host reads it whole.
 
     A peak is a voxel that none of its 26 cyclic neighbors exceeds; of two that are not separated the higher is kept.
     Its sub-voxel offset comes from a Gaussian through the three values along each axis. Neighbors below 5 % of the
@@ -108,16 +106,16 @@ def find_peaks(
     shape = require_array(correlation, "correlation", (None, None, None))
     if count < 1 or separation < 0:
         raise InputError(f"`count={count}`, `separation={separation}`; wanted at least 1 and 0")
-    reach = _reach(shape, limits)
-    tops, mean, std = _statistics(device, correlation, reach[2])
-    allowed = _allowed_rows(shape, reach)
-    if allowed is not None:
-        tops = np.where(allowed, tops, -np.inf)
-    most, rows_at_once = len(tops) if allowed is None else int(np.count_nonzero(allowed)), 8 * count
+    reach, values = _reach(shape, limits), correlation.get()
+    mean, std = _moments(values)
+    inside = [np.abs(signed(np.arange(n), n)) <= r for n, r in zip(shape, reach, strict=True)]
+    tops = (values if inside[2].all() else values[:, :, inside[2]]).max(axis=2)
+    tops = np.where(inside[0][:, None] & inside[1], tops, -np.inf).ravel()
+    most, rows_at_once = int(np.count_nonzero(inside[0])) * int(np.count_nonzero(inside[1])), 8 * count
     while True:
         chosen, bound = _highest_rows(tops, min(rows_at_once, most))
         # maxima below the bound may be exceeded in a row that was not searched
-        index, cubes = _local_maxima(device, correlation, chosen, reach[2], bound)
+        index, cubes = _local_maxima(values, chosen, inside[2], bound)
         kept = _suppress(index, cubes[:, 1, 1, 1], shape, count, separation)
         if len(kept) == count or np.isneginf(bound):
             return fit_peaks(index[kept], cubes[kept], shape, mean, std)
@@ -132,33 +130,14 @@ def _reach(shape: tuple[int, ...], limits: tuple[float | None, ...] | None) -> l
     return [n if limit is None else min(n, int(limit)) for n, limit in zip(shape, limits, strict=True)]
 
 
-def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.ndarray, float, float]:
-    """(n0 n1,) maximum of each row within the reach along it; mean and standard deviation of the correlation."""
-    rows, length = correlation.size // correlation.shape[2], correlation.shape[2]
-    parts = device.empty((3, rows))
-    rows_per_item = _ROWS_PER_ITEM if device.is_cpu else 1
-    launch(
-        device, "pomf/rows", "row_statistics", (-(-rows // rows_per_item),),
-        memory_of(correlation), parts, np.int32(rows), np.int32(reach), begin_of(correlation),
-        LENGTH=length, ROWS=rows_per_item,
-    )  # fmt: skip
-    tops, row_means, row_squares = parts.get()
-    row_means = row_means.astype(np.float64)
-    mean = row_means.mean()
-    with np.errstate(invalid="ignore"):
-        total = row_squares.sum(dtype=np.float64) + length * np.square(row_means - mean).sum()
-    std = np.sqrt(total / correlation.size)
+def _moments(values: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of a correlation; InputError if a value is not finite."""
+    mean = values.mean()
+    off = (values - mean).ravel()  # keeps precision if the mean is large
+    std = float(np.sqrt(np.vdot(off, off) / off.size))
     if not np.isfinite(std):
         raise InputError(NOT_FINITE)
-    return tops, float(mean), float(std)
-
-
-def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray | None:
-    """(n0 n1,) bool: rows within the reach along axes 0 and 1; None if all rows are."""
-    if 2 * reach[0] >= shape[0] and 2 * reach[1] >= shape[1]:
-        return None
-    first, second = (np.abs(signed(np.arange(n), n)) <= r for n, r in zip(shape[:2], reach[:2], strict=True))
-    return (first[:, None] & second[None, :]).ravel()
+    return float(mean), std
 
 
 def _highest_rows(tops: np.ndarray, count: int) -> tuple[np.ndarray, float]:
@@ -171,37 +150,18 @@ def _highest_rows(tops: np.ndarray, count: int) -> tuple[np.ndarray, float]:
 
 
 def _local_maxima(
-    device: Device, correlation: cla.Array, rows: np.ndarray, reach: int, bound: float
+    values: np.ndarray, rows: np.ndarray, inside: np.ndarray, bound: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Local maxima in these rows, not below the bound: index (m, 3) and neighborhood (m, 3, 3, 3)."""
-    n0, n1, n2 = correlation.shape
-    i, j = rows[:, None, None] // n1, rows[:, None, None] % n1
-    around = (i + np.array([-1, 0, 1])[:, None]) % n0 * n1 + (j + np.array([-1, 0, 1])) % n1
-    block = _rows(device, correlation, around)
+    """Local maxima in these rows, in columns `inside` (n2,), not below the bound: index (m, 3) and neighborhood (m, 3,
+    3, 3)."""
+    n1 = values.shape[1]
+    row, k = np.nonzero((values.reshape(-1, values.shape[2])[rows] >= bound) & inside)
+    index = np.column_stack([rows[row] // n1, rows[row] % n1, k])
     # few voxels reach the bound: only those are compared with their neighbors
-    high = block[:, 1, 1] >= bound
-    if 2 * reach < n2:
-        high &= np.abs(signed(np.arange(n2), n2)) <= reach
-    row, column = np.nonzero(high)
-    cubes = np.stack([block[row, :, :, (column + step) % n2] for step in (-1, 0, 1)], axis=-1)
+    around = (index[:, :, None] + np.arange(-1, 2)) % np.array(values.shape)[:, None]
+    cubes = values[around[:, 0, :, None, None], around[:, 1, None, :, None], around[:, 2, None, None, :]]
     peaks = np.flatnonzero(cubes[:, 1, 1, 1] >= cubes.max(axis=(1, 2, 3)))
-    row, column = row[peaks], column[peaks]
-    return np.column_stack([rows[row] // n1, rows[row] % n1, column]), cubes[peaks]
-
-
-def _rows(device: Device, correlation: cla.Array, rows: np.ndarray) -> np.ndarray:
-    """Read the rows with these numbers: (*rows.shape, n2) float32."""
-    length = correlation.shape[2]
-    if device.is_cpu:
-        # the device shares the host's memory: one command to wait for costs less than three
-        mapped: Any = correlation.map_to_host(flags=cl.map_flags.READ)
-        with mapped.base:
-            return mapped.reshape(-1, length)[rows]
-    gathered = device.empty((rows.size, length))
-    wanted = device.to_device(rows.astype(np.int32).ravel())
-    whole, begin = memory_of(correlation), begin_of(correlation)
-    launch(device, "pomf/rows", "gather_rows", (rows.size,), whole, wanted, gathered, begin, LENGTH=length)
-    return gathered.get().reshape(*rows.shape, length)
+    return index[peaks], cubes[peaks]
 
 
 def _suppress(

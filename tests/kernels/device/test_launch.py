@@ -67,7 +67,7 @@ def test_unaligned_slice_is_refused(device):
     strict = limited(device, mem_base_addr_align=4096)
     wide = strict.to_device(np.zeros((16, 8), np.float32))
     with pytest.raises(InputError, match=r"begins 32 bytes into it; .* needs a multiple of 512"):
-        launch(strict, "pomf/rows", "gather_rows", (1,), wide[1:], wide, wide, np.uint64(0), LENGTH=8)
+        launch(strict, "device/clear", "clear", (1,), wide[1:], BYTES=32)
 
 
 @pytest.mark.parametrize("shape", [(1, 3), (2, 512), (3, 1024), (4, 999), (5, 16, 64)])
@@ -105,7 +105,7 @@ class TestFull:
         calls = (
             lambda: fft.forward(volume),
             lambda: zero(device, volume),
-            lambda: launch(device, "pomf/rows", "gather_rows", (1,), volume, volume, volume, np.uint64(0), LENGTH=8),
+            lambda: launch(device, "device/clear", "clear", (1,), volume, BYTES=32),
         )
         for call in calls:
             with pytest.raises(DeviceError, match=r"no memory .*left for this .*FULL.*Use a smaller `edge`"):
