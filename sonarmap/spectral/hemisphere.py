@@ -45,6 +45,7 @@ class Match:
     # yaw_psr, tilt_psr: of the peaks that gave yaw, and roll and pitch; 0 if there was none
     yaw_psr: float
     tilt_psr: float
+    other_psr: float = 0.0  # of the next highest peak of the translation, 0 if there is none
 
 
 def differ(a: Match, b: Match, edge: int) -> bool:
@@ -197,7 +198,9 @@ class HemisphereRegistrar(GridRegistrar):
         """T_target_source of two scans from `prepare`, with covariance and verdict but no probability."""
         start = perf_counter()
         best, *others = sorted(self._matches(target, source), key=lambda match: -match.peak.psr)
-        return self._conclude(target, source, best, self._rival(target, source, best, others), start)
+        # the next best answer is of the other yaw, or another shift under the best one
+        rivals = [other.peak.psr for other in others if differ(best, other, self.grid.edge)]
+        return self._conclude(target, source, best, max(best.other_psr, *rivals, 0.0), start)
 
     def _matches(self, target: LayeredScan, source: LayeredScan) -> list[Match]:
         """Run steps 1 to 7 for the yaw of the highest peak and for this yaw + 180 degrees."""
@@ -209,19 +212,14 @@ class HemisphereRegistrar(GridRegistrar):
             tilt = self.hemisphere.tilt(target.layers, source.magnitude, yaw.R, reach, self._may_tilt)
             R = yaw.R if tilt is None else tilt.R * yaw.R
             # Steps 6, 7: the translation, the scan turned back by all three angles
-            peak = self._translation.find(target.volume, source.volume, R)
-            matches.append(Match(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
+            peaks = self._translation.find(target.volume, source.volume, R)
+            psr = 0.0 if tilt is None else tilt.psr
+            matches.append(Match(R, peaks[0], yaw.psr, psr, max(peaks.psr[1:], default=0.0)))
         # drop matches beyond the bound on tilt; if all are, `assess` refuses the best of them
         return [match for match in matches if self._may_tilt(match.R)] or matches
 
     def _may_tilt(self, R_target_source: Rotation) -> bool:
         return bool(tilt_allowed(R_target_source, self.config.max_tilt))
-
-    def _rival(self, target: LayeredScan, source: LayeredScan, best: Match, others: list[Match]) -> float:
-        """Peak-to-sidelobe ratio of the next best answer: with the other yaw, or another shift under the best one."""
-        ratios = [other.peak.psr for other in others if differ(best, other, self.grid.edge)]
-        ratios += [peak.psr for peak in self._translation.find_others(target.volume, source.volume, best.R, SAME_SHIFT)]
-        return max(ratios, default=0.0)
 
     def _conclude(
         self, target: LayeredScan, source: LayeredScan, best: Match, rival: float, start: float

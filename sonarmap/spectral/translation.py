@@ -48,14 +48,10 @@ class Translation:
         self._correlator = Correlator(device, edge, BLUR, exponents, at_once(edge))
 
     def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
-        """The highest peak of the correlation with the first exponent, at s where p_target = R p_source + s about the
-        grid centers. The rotated points are voxelized again, as rotating the voxels would blur them."""
-        return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 1, 3.0).peaks[0]
-
-    def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> Peak:
-        """The next highest peak of that correlation, farther than `separation` [voxels] from the highest, if any."""
-        found = self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 2, separation)
-        return found.of(0)[1:]
+        """The two highest peaks of the correlation with the first exponent, or the only one, at s where p_target = R
+        p_source + s about the grid centers. The rotated points are voxelized again, as rotating the voxels would blur
+        them."""
+        return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 2, SAME_SHIFT).of(0)
 
     def find_within(
         self,

@@ -104,7 +104,7 @@ def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
     stray = np.array([[500, 0, 0], [0, -90_000, 3]], np.float32)
     prepared, _ = room.preparer.prepare(Scan(np.vstack([room.points, stray])))
     assert overlap(room.device, room.target, prepared, Rotation.identity(), np.zeros(3)) > 0.95
-    assert room.translation.find(room.target, prepared, Rotation.identity()).psr > 100
+    assert room.translation.find(room.target, prepared, Rotation.identity())[0].psr > 100
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> Non
 
 
 def test_shifts_that_differ_by_the_grid_are_the_same_answer(room: Room) -> None:
-    peak = room.translation.find(room.target, room.target, Rotation.identity())
+    peak = room.translation.find(room.target, room.target, Rotation.identity())[0]
 
     def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Match:
         return Match(Rotation.from_euler("Z", yaw, degrees=True), replace(peak, shift=np.array(shift)), 1.0, 1.0)

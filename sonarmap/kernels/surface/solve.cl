@@ -9,8 +9,6 @@
 #define LANES 1
 #endif
 #define DAMPING (real)1e-9
-// Information that damps the step where neither scans nor instruments constrain the pose.
-#define STAY (real)1e-6
 // Ratio of shared to whole information from which it is not due to noise.
 #define AGREEING (real)0.3
 #define UNKNOWN (real)1e6
@@ -96,7 +94,7 @@ static void stretch(__global const real* const sums, real state[STATE], const re
     state[STRETCH + 1] -= freely ? (a * rest[1] - b * rest[0]) / determinant : -apart;
 }
 
-// Eigenvectors of a symmetric matrix in the columns of V, by Jacobi's method; A keeps the eigenvalues on its diagonal.
+// Eigenvectors of a symmetric matrix in the rows of V, by Jacobi's method; A keeps the eigenvalues on its diagonal.
 static void eigenvectors6(real A[6][6], real V[6][6]) {
     for (int i = 0; i < 6; ++i)
         for (int j = 0; j < 6; ++j) V[i][j] = i == j;
@@ -118,9 +116,9 @@ static void eigenvectors6(real A[6][6], real V[6][6]) {
                     const real a = A[p][k];
                     A[p][k] = c * a - s * A[q][k];
                     A[q][k] = s * a + c * A[q][k];
-                    const real v = V[k][p];
-                    V[k][p] = c * v - s * V[k][q];
-                    V[k][q] = s * v + c * V[k][q];
+                    const real v = V[p][k];
+                    V[p][k] = c * v - s * V[q][k];
+                    V[q][k] = s * v + c * V[q][k];
                 }
             }
         }
@@ -145,17 +143,18 @@ static void of_pose(__global const real* const sums, const int stretches, const 
     }
 }
 
+// A B, or A times the transpose of B.
 static void product(real A[6][6], real B[6][6], const bool transposed, real out[6][6]) {
     for (int i = 0; i < 6; ++i)
         for (int j = 0; j < 6; ++j) {
             out[i][j] = 0;
-            for (int k = 0; k < 6; ++k) out[i][j] += (transposed ? A[k][i] : A[i][k]) * B[k][j];
+            for (int k = 0; k < 6; ++k) out[i][j] += A[i][k] * (transposed ? B[j][k] : B[k][j]);
         }
 }
 
-// A matrix whose product with its transpose is the covariance of the pose by the planes, without rare large errors, but
-// larger in directions that noise alone seems to constrain; `variance` is that of the gaps, of which `usual` is not due
-// to such errors.
+// Rows whose outer products sum up to the covariance of the pose by the planes, without rare large errors, but larger in
+// directions that noise alone seems to constrain; `variance` is that of the gaps, of which `usual` is not due to such
+// errors.
 static void planes_root(__global const real* const sums, const int stretches, const real held, const real variance,
                         const real usual, real root[6][6]) {
     real A[6][6], V[6][6], W[6][6], B[6][6];
@@ -165,68 +164,46 @@ static void planes_root(__global const real* const sums, const int stretches, co
     const real damping = DAMPING * (trace + DAMPING);
     for (int i = 0; i < 6; ++i) A[i][i] += damping;
     eigenvectors6(A, V);
-    for (int i = 0; i < 6; ++i)
-        for (int k = 0; k < 6; ++k) W[i][k] = V[i][k] / sqrt(fmax(A[k][k], damping));
+    for (int k = 0; k < 6; ++k)
+        for (int i = 0; i < 6; ++i) W[k][i] = V[k][i] / sqrt(fmax(A[k][k], damping));
     of_pose(sums + SHARED, stretches, held, A);
-    product(W, A, true, B);
-    product(B, W, false, A);
+    product(W, A, false, B);
+    product(B, W, true, A);
     eigenvectors6(A, V);
-    product(W, V, false, root);
+    product(V, W, false, root);
     for (int k = 0; k < 6; ++k) {
         const real doubt = clamp(usual * AGREEING / fmax(A[k][k], (real)1e-9), usual, (real)1);
-        for (int i = 0; i < 6; ++i) root[i][k] *= sqrt(variance * doubt);
+        for (int i = 0; i < 6; ++i) root[k][i] *= sqrt(variance * doubt);
     }
 }
 
-// Change the step by the pairs alone to that by pairs and instruments, whose residuals are `off`. If the pose by the
-// pairs deviates from the measurement by more than `BELIEVED`, a chi-squared, their covariance grows along it.
-static void combine(real root[6][6], __global const real* const off, __global const real* const term,
-                    real step[6]) {
-    real covariance[6][6], J[6][6], JC[6][6], together[6][6], information[6][6], there[6], x[6], along[6];
+// Change the step by the pairs alone to that by pairs and instruments, whose residuals are `off`, by the Kalman gain. If
+// the pose by the pairs deviates from the measurement by more than `BELIEVED`, a chi-squared, their covariance grows
+// along the shortest step that explains this, which changes the gain by the formula of Sherman and Morrison.
+static void combine(real root[6][6], __global const real* const off, __global const real* const term, real step[6]) {
+    real covariance[6][6], J[6][6], JC[6][6], together[6][6], there[6], x[6];
     for (int i = 0; i < 6; ++i)
         for (int j = 0; j < 6; ++j) {
             J[i][j] = term[JACOBIAN + i * 6 + j];
             covariance[i][j] = term[SYSTEMATIC + i * 6 + j];
-            for (int k = 0; k < 6; ++k) covariance[i][j] += root[i][k] * root[j][k];
+            for (int k = 0; k < 6; ++k) covariance[i][j] += root[k][i] * root[k][j];
         }
     product(J, covariance, false, JC);
+    product(JC, J, true, together);
     for (int i = 0; i < 6; ++i) {
+        together[i][i] += 1;
         there[i] = off[i];
-        for (int j = 0; j < 6; ++j) {
-            there[i] += J[i][j] * step[j];
-            together[i][j] = i == j;
-            for (int k = 0; k < 6; ++k) together[i][j] += JC[i][k] * J[j][k];
-        }
+        for (int j = 0; j < 6; ++j) there[i] += J[i][j] * step[j];
     }
     solve6(together, there, x, 1);
     real squared = 0;
-    for (int i = 0; i < 6; ++i) {
-        squared += there[i] * x[i];
-        along[i] = 0;
-        for (int j = 0; j < 6; ++j) along[i] += term[SHORTEST + i * 6 + j] * there[j];
-    }
+    for (int i = 0; i < 6; ++i) squared += there[i] * x[i];
     const real believed = term[BELIEVED], distorted = term[BELIEVED + 1];
     const real factor = fmax(squared - believed, (real)0) / fmax(distorted - squared, distorted / UNKNOWN);
+    const real added = factor * squared / fmax(squared, believed);
     for (int i = 0; i < 6; ++i)
-        for (int j = 0; j < 6; ++j) covariance[i][j] += factor / fmax(squared, believed) * along[i] * along[j];
-    for (int i = 0; i < 6; ++i) {
-        real A[6][6], axis[6];
-        for (int j = 0; j < 6; ++j) {
-            axis[j] = i == j;
-            for (int k = 0; k < 6; ++k) A[j][k] = covariance[j][k];
-        }
-        solve6(A, axis, information[i], (real)1e-30f);
-    }
-    for (int i = 0; i < 6; ++i) {
-        x[i] = 0;
-        for (int j = 0; j < 6; ++j) x[i] += information[i][j] * step[j] - J[j][i] * off[j];
-    }
-    for (int i = 0; i < 6; ++i)
-        for (int j = 0; j < 6; ++j) {
-            information[i][j] += i == j ? STAY : 0;
-            for (int k = 0; k < 6; ++k) information[i][j] += J[k][i] * J[k][j];
-        }
-    solve6(information, x, step, STAY);
+        for (int j = 0; j < 6; ++j)
+            step[i] -= (JC[j][i] * x[j] + added * term[SHORTEST + i * 6 + j] * there[j]) / (1 + added);
 }
 
 // The principal axes of the shared information, ascending, each followed by its share of the information of a pair and
@@ -249,11 +226,11 @@ static void principal_axes(__global const real* const sums, __global real* const
         int rank = 0;
         for (int j = 0; j < 6; ++j) rank += A[j][j] < A[i][i] || (A[j][j] == A[i][i] && j < i);
         real rest = 0;
-        for (int k = 0; k < 6; ++k) V[k][i] /= k < 3 ? lever : 1;
+        for (int k = 0; k < 6; ++k) V[i][k] /= k < 3 ? lever : 1;
         for (int k = 0; k < 6; ++k) {
-            axes[rank * 8 + k] = V[k][i];
+            axes[rank * 8 + k] = V[i][k];
             for (int j = 0; j < 6; ++j)
-                rest += V[k][i] * V[j][i] * (sums[WHOLE + k * 8 + j] - sums[SHARED + k * 8 + j]) / total;
+                rest += V[i][k] * V[i][j] * (sums[WHOLE + k * 8 + j] - sums[SHARED + k * 8 + j]) / total;
         }
         axes[rank * 8 + 6] = A[i][i];
         axes[rank * 8 + 7] = rest;

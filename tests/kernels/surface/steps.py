@@ -141,8 +141,7 @@ def posterior_step(step: np.ndarray, covariance: np.ndarray, off: np.ndarray, te
     factor = max(squared - believed, 0.0) / max(distorted - squared, distorted / 1e6)
     along = term["shortest"] @ there
     information = np.linalg.inv(scans + factor / max(squared, believed) * np.outer(along, along))
-    whole = information + jacobian.T @ jacobian + 1e-6 * np.eye(6)
-    return np.linalg.solve(whole, information @ step - jacobian.T @ off)
+    return np.linalg.solve(information + jacobian.T @ jacobian, information @ step - jacobian.T @ off)
 
 
 def squared_doubts(sums: Sums) -> tuple[np.ndarray, np.ndarray]:
