@@ -129,12 +129,12 @@ def _surfaces(device: Device) -> Iterator[Measured]:
     for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
         steps.step(reach)
     steps.step(1.5, moves=False)
-    last = steps.end()
-    record = last.read()
+    poses, records = steps.end()
+    record = records.read()
     angle = float(np.rad2deg(Rotation.from_matrix(record["turn"][0]).magnitude()))
     yield Measured("the rotation of a refinement", angle, 0.2, "degrees")
     yield Measured("the shift of a refinement", float(np.abs(record["shift"]).max()), 0.1, "voxels")
-    apart = last.poses.get()[0, 3:12:4] - record["next_shift"][0]
+    apart = poses.get()[0, 3:12:4] - record["next_shift"][0]
     yield Measured("the shift of a refinement on the device", float(np.abs(apart).max()), 1e-4, "voxels")
 
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pyopencl.array as cla
 
-from sonarmap.kernels.device.arrays import Readback, recycled
+from sonarmap.kernels.device.arrays import Pending, Readback, recycled
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, table
 from sonarmap.kernels.errors import InputError
@@ -76,22 +76,6 @@ class Noise:
     narrowest: float  # least width in the formula [voxels]
     stretched: float  # variance of a stretch of the ranges
     usual: float  # share of the variance without rare large errors
-
-
-@dataclass(frozen=True, slots=True)
-class LastStep:
-    """Result of the last step of a refinement."""
-
-    poses: cla.Array  # device (k, 16) float32, the poses after the step, as from `upload_poses`
-    rows: Readback  # the records, on their way to the host
-
-    def read(self) -> np.ndarray:
-        """(k,) records of RECORD."""
-        return _read(self.rows)
-
-
-def _read(rows: Readback) -> np.ndarray:
-    return rows.read().astype(np.float64).view(RECORD)[:, 0]
 
 
 class Refinement:
@@ -167,19 +151,21 @@ class Refinement:
         numbers = self._measured, self._stretches, *self._noise
         self._launch("surface/solve", "solve", (lanes, poses), *arguments, *numbers, group=(lanes, 1), LANES=lanes)
 
-    def read(self) -> np.ndarray:
-        """(k,) records of RECORD, without axes and doubts; waits for the device."""
-        return _read(Readback(self.device, self._records))
+    def read(self) -> Pending[np.ndarray]:
+        """Queue a read of the records, (k,) RECORD; axes and doubts are those of `end`."""
+        rows = Readback(self.device, self._records)
+        return Pending(lambda: rows.read().astype(np.float64).view(RECORD)[:, 0])
 
-    def end(self) -> "LastStep":
-        """The result of the last step, which must not have moved the poses; its read is queued."""
+    def end(self) -> tuple[cla.Array, Pending[np.ndarray]]:
+        """Poses (k, 16) after the last step, which must not have moved them, as from `upload_poses`, and the records of
+        this step."""
         # the sums are added up by now: the doubts may overwrite them
         lanes, size = 1 if self.device.is_cpu else 256, (8 * self._parts, self._rows.shape[0])
         self._launch("surface/equations", "add_doubts", size, *self._pairs(), LANES=lanes, PART=_PART)
         lanes, size = 1 if self.device.is_cpu else 64, (8, self._rows.shape[0])
         arguments = self._sums, self._records, np.int32(self._parts)
         self._launch("surface/solve", "add_parts", size, *arguments, LANES=lanes)
-        return LastStep(self._poses, Readback(self.device, self._records))
+        return self._poses, self.read()
 
     def _pairs(self) -> tuple[cla.Array | np.generic, ...]:
         """The arguments of the kernels that sum over pairs."""

@@ -83,13 +83,13 @@ def refine(
         if prior is None:
             steps.begin_after(ended)
         else:
-            at = ended.read()
+            at = ended.read().read()
             prior = _begin(steps, Start(Rotation.from_matrix(at["turn"]), at["shift"], at["width"]), prior_at)
     for reach in stages[-1].reaches[:-1]:
         steps.step(reach)
     steps.step(stages[-1].reaches[-1], moves=False)
-    last = steps.end()
-    return Refined(last.poses, lambda: _fits(last.read(), prior, begin.stretches))
+    poses, records = steps.end()
+    return Refined(poses, lambda: _fits(records.read(), prior, begin.stretches))
 
 
 def _begin(steps: Refinement, start: Start, prior_at: PriorAt | None) -> PriorTerm | None:

@@ -73,7 +73,7 @@ def test_sums_equal_the_twin(device, rows, reach, most, poses, stretches):
     start = begin(poses, most, stretches)
     steps = refinement(device, rows, most, start, stretches)
     steps.step(reach, moves=False)
-    got = steps.end().read()
+    got = steps.end()[1].read()
     for n, pose in enumerate(start):
         want = sums_of(rows, most, pose, reach, WEIGHTING, stretches)
         for name in ("moving", "whole", "shared", "gradient", "total", "squares"):
@@ -95,8 +95,8 @@ def test_steps_equal_the_twin(device, rows, stretches):
         for n, pose in enumerate(poses):
             poses[n] = moved(pose, sums_of(rows, 600, pose, reach, WEIGHTING, stretches), NOISE, stretches)
     steps.step(2.0, moves=False)
-    last = steps.end()
-    leads, got = last.poses.get()[:, :12].reshape(-1, 3, 4), last.read()
+    ended, records = steps.end()
+    leads, got = ended.get()[:, :12].reshape(-1, 3, 4), records.read()
     for n, pose in enumerate(poses):
         np.testing.assert_allclose(got["turn"][n], pose.turn, atol=3e-5)
         np.testing.assert_allclose(got["shift"][n], pose.shift, atol=1e-3)
@@ -124,7 +124,7 @@ def test_steps_with_instruments_equal_the_twin(device, rows, stretches, count, o
         for n, pose in enumerate(poses):
             poses[n] = moved(pose, sums_of(rows, 600, pose, reach, WEIGHTING, stretches), NOISE, stretches, terms[n])
     steps.step(2.0, moves=False)
-    got = steps.end().read()
+    got = steps.end()[1].read()
     for n, pose in enumerate(poses):
         sums = sums_of(rows, 600, pose, 2.0, WEIGHTING, stretches)
         following = moved(pose, sums, NOISE, stretches, terms[n])
@@ -145,7 +145,7 @@ def test_width_of_an_even_number_of_gaps_is_the_mean_of_the_middle_ones(device: 
     steps = Refinement(device, upload(device, ours), upload(device, theirs), 10, WEIGHTING, NOISE)
     steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))
     steps.step(3.0, moves=False)
-    assert steps.end().read()["width"][0] == pytest.approx(0.3, abs=1e-6)
+    assert steps.end()[1].read()["width"][0] == pytest.approx(0.3, abs=1e-6)
 
 
 def test_pose_is_unchanged_if_nothing_is_within_reach(device: Device, rows: list[np.ndarray]) -> None:
@@ -154,7 +154,7 @@ def test_pose_is_unchanged_if_nothing_is_within_reach(device: Device, rows: list
     for reach in (8.0, 2.0):
         steps.step(reach)
     steps.step(2.0, moves=False)
-    got = steps.end().read()
+    got = steps.end()[1].read()
     assert got["total"][0] == got["squares"][0] == 0
     assert not got["whole"].any()
     np.testing.assert_array_equal(got["shift"][0], pose.shift)
