@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, SharedError, Systematic
+from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, SCALE, SharedError, Systematic
 from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -279,8 +279,9 @@ class _Fixes:
 
     def suffice_for(self, free: tuple[int, ...]) -> bool:
         """Whether there are enough fixes to estimate an error of these numbers."""
-        _, headed, placed, _ = self.known.sum(axis=0)
-        return bool(placed >= _MIN_FIXES and (2 not in free or headed >= _MIN_FIXES))
+        _, headed, placed, deep = self.known.sum(axis=0)
+        enough = placed >= _MIN_FIXES or (free == (SCALE,) and deep >= _MIN_FIXES)
+        return bool(enough and (2 not in free or headed >= _MIN_FIXES))
 
     def shared_error(self, at: Solution, weights: np.ndarray, error: Systematic | None = None) -> SharedError:
         """The cost of a systematic error at the optimum with (n, K) weights; `error` is already corrected."""

@@ -156,6 +156,7 @@ def lanes() -> RigidTransform:
         ("turn", {2: np.radians(12.0)}, 0.05),
         ("late", {3: 1.5}, 0.25),
         ("drift", {4: -0.08, 5: 0.05}, 0.04),
+        ("scale", {6: 0.05}, 0.02),
         ("arm and turn", {0: 6.0, 1: -2.0, 2: np.radians(12.0)}, [0.8, 0.8, 0.05]),
         ("none", {}, 0.0),
     ],
@@ -163,8 +164,8 @@ def lanes() -> RigidTransform:
 def test_systematic_error_is_estimated_and_corrected(
     error: str, shared: dict[int, float], tolerance: float | list[float]
 ) -> None:
-    """A lever arm of the wrong sign, headings by another North, a clock that is late, places that drift, on lanes there
-    and back with a loop between them, which tell these apart."""
+    """A lever arm of the wrong sign, headings by another North, a clock that is late, places that drift, ranges that
+    are too long, on lanes there and back with a loop between them, which tell these apart."""
     seed = 2
     truth, rng = lanes(), np.random.default_rng([seed, 7])
     errors = drawn(np.random.default_rng(seed), COVARIANCE, LANES)
@@ -180,6 +181,7 @@ def test_systematic_error_is_estimated_and_corrected(
             "arm and turn": arm,
             "late": -1.5 * velocities[k],
             "drift": (k - LANES / 2) * np.array([0.08, -0.05, 0.0]),
+            "scale": 0.05 * (truth.translation.mean(axis=0) - truth[k].translation),
         }.get(error, np.zeros(3))
         turn = Rotation.from_euler("Z", -12.0 if "turn" in error else 0.0, degrees=True)
         T = RigidTransform.from_components(truth[k].translation + off, turn * truth[k].rotation)

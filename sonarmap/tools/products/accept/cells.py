@@ -163,7 +163,7 @@ def _correction(folder: Map, points: np.ndarray, scan: np.ndarray) -> np.ndarray
     row, part = folder.summary.get("systematic"), folder.parts[0]
     if not row:
         return np.zeros_like(points)
-    numbers = {each.name: row[each.name] for each in fields(Systematic) if each.name != "alternative"}
+    numbers = {each.name: row.get(each.name, 0.0) for each in fields(Systematic) if each.name != "alternative"}
     T = part.trajectory.T_world_sensor
     corrected = Systematic(**numbers).corrected(T, part.trajectory, np.arange(len(T)))
     return (corrected * T.inv())[np.searchsorted(part.scans, scan)].apply(points) - points

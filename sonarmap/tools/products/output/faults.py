@@ -278,6 +278,13 @@ def systematic_words(error: Systematic) -> str:
             f"positions fit if they are moved {error.forward:+.1f} m forward and {error.left:+.1f} m to port, and were "
             "corrected so: a lever arm (--mount) or, at a steady speed, a clock's offset (--nav-offset)"
         )
+    if error.longer:
+        factor = 1 - error.longer
+        words.append(
+            f"positions and depths fit if their distances are multiplied by {1 / factor:.3f}, and were corrected so: "
+            f"ranges are too {'long' if factor < 1 else 'short'}, as with another speed of sound (--range-scale "
+            f"{factor:.3f}, or --sound-speed)"
+        )
     return "; and ".join(words)
 
 
