@@ -78,6 +78,8 @@ class StandingParts:
         near = np.stack(self.near)
         share = np.isfinite(near).mean(axis=0)
         seen = np.flatnonzero(share >= 0.5)
+        if not len(seen):
+            return []
         ranges = np.where(np.isfinite(near), near, np.nan)[:, seen]
         low, lower, middle, upper, high = np.nanquantile(ranges, _SPREAD, axis=0)
         still = (share[seen] >= _SHARE) & (high - low <= _STILL[0] + _STILL[1] * middle)

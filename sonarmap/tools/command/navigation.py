@@ -14,13 +14,12 @@ from sonarmap.tools.command.terminal import say
 if TYPE_CHECKING:
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.pair import RegisteredPair
-    from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo import Georeference
-    from sonarmap.tools.files.readers.navigation.contradictions import Contradiction
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.navigation.settings import NavFrame, NavigationSettings
     from sonarmap.tools.files.time_scales import TimeScale
+    from sonarmap.tools.products.output.trial import MeasuredScans
 
 DEFAULT_DRIFT = "1,10"
 _rare = partial(NAVIGATION.option, rare=True)
@@ -212,49 +211,12 @@ class ContradictedError(SonarmapError):
     """Raised for navigation that the scans contradict, as it would distort the map."""
 
 
-def refusing(
-    scans: "Sequence[Scan]", file: object, georeference: "Georeference | None" = None
-) -> "Callable[[Sequence[RegisteredPair]], None]":
+def refusing(measured: "MeasuredScans") -> "Callable[[Sequence[RegisteredPair]], None]":
     """A check that the mapper calls with pairs registered without the priors: it raises ContradictedError if they
-    contradict the priors in `file` for a known reason. `georeference` is that of the priors' positions."""
+    contradict the priors for a known reason."""
 
     def vet(free: "Sequence[RegisteredPair]") -> None:
-        if (found := contradiction_of(scans, free, georeference)) is not None:
-            raise ContradictedError(f"{found}. In {file}: {found.remedy} (docs/navigation.md)")
+        if (found := measured.contradiction(free)) is not None:
+            raise ContradictedError(f"{measured.in_words(found)} (docs/navigation.md)")
 
     return vet
-
-
-def contradiction_of(
-    scans: "Sequence[Scan]", free: "Sequence[RegisteredPair]", georeference: "Georeference | None" = None
-) -> "Contradiction | None":
-    """The mistake in the scans' priors that pairs registered without them show; None for none or too few pairs."""
-    import numpy as np
-    from scipy.spatial.transform import RigidTransform
-
-    from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS, Registered, contradiction
-
-    pairs = [(*pair.scans, pair.registration) for pair in free if pair.registration is not None]
-    if len(pairs) < LEAST_PAIRS:
-        return None
-    i, j, registrations = zip(*pairs, strict=True)
-    transforms = RigidTransform.concatenate([each.T_target_source for each in registrations])
-    registered = Registered(np.array(i), np.array(j), transforms, np.array([each.covariance for each in registrations]))
-    return contradiction([scan.prior for scan in scans], registered, _origin(georeference))
-
-
-def with_mistake(
-    result: "SurveyResult", scans: "Sequence[Scan]", file: object, georeference: "Georeference | None"
-) -> "SurveyResult":
-    """The result with the mistake in the priors in `file` that explains why they err more than their sigmas."""
-    if not result.understated:
-        return result
-    from sonarmap.tools.files.readers.navigation.contradictions import contradiction_of_map
-
-    priors, kinds = [scan.prior for scan in scans], tuple(result.understated)
-    found = contradiction_of_map(result.solution.graph, priors, kinds, _origin(georeference))
-    return result if found is None else replace(result, mistake=f"{found}. In {file}: {found.remedy}")
-
-
-def _origin(georeference: "Georeference | None") -> tuple[float, float] | None:
-    return None if georeference is None else (georeference.latitude, georeference.longitude)

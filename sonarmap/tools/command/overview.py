@@ -12,7 +12,6 @@ import typer
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.sweep import Sweep, span_of
-from sonarmap.slam.odd.standing import StandingParts, in_words
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
 from sonarmap.tools.command.terminal import print_rows
@@ -32,6 +31,7 @@ from sonarmap.tools.files.readers.scans import (
 )
 from sonarmap.tools.files.readers.selection import select_files
 from sonarmap.tools.files.time_scales import Clock, clock_of, utc
+from sonarmap.tools.products.output.trial import Evidence, ScansOnTrial, on_trial
 
 _MOST_NOTES = 20  # about single scans
 _MOST_LINES = 6  # of pings, that are printed
@@ -60,7 +60,7 @@ class Overview:
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
     lines: list[LineOverview] = field(default_factory=list[LineOverview])  # lines of pings, whose patches are the scans
     sweep: Sweep = field(default_factory=Sweep)  # how long a scan takes
-    standing: StandingParts = field(default_factory=StandingParts)  # parts of the vehicle in view
+    trial: ScansOnTrial = field(default_factory=ScansOnTrial)  # what is wrong with the sonar
     about: list[ScanEntry] = field(default_factory=list[ScanEntry])  # the entries, without their scans
 
     def add(self, entry: ScanEntry) -> None:
@@ -80,7 +80,7 @@ class Overview:
         if entry.question and entry.question not in self.notes:
             self.notes.append(entry.question)
         if entry.patch is None:
-            self.standing.add(scan)
+            self.trial.add(scan, entry.stamp, entry.path.parent)
         if scan.prior is not None and scan.prior.knows_attitude:
             self.attitudes.append(values_of(scan.prior.T_world_sensor)[:2])
         if entry.sound_speed is not None:
@@ -150,8 +150,8 @@ def overview_of(
         notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
     overview.sweep = Sweep.of(spans, times)
     overview.notes += [*file_notes, *stamp_notes, *overview.sweep.notes, *notes]
-    if parts := overview.standing.found():
-        overview.notes.append(in_words(parts))
+    found = on_trial(Evidence(overview.trial, len(overview.unread)))
+    overview.notes += [words for words in found if not any(note.endswith(words) for note in overview.notes)]
     overview.lines += [line_overview(path, corrections.lines) for path in dict.fromkeys(of_lines)]
     return overview
 

@@ -30,6 +30,7 @@ _OFFSETS = np.array([offset for _, offset in _LEAPS], np.float64)
 _GAP = 1.5  # a step between scans is a gap if it is longer than the median step times this
 _SET = datetime(1980, 1, 1, tzinfo=UTC).timestamp()  # earliest stamp of a clock that was set [s]
 _LEAST_PERIOD = 1e-9  # shortest time between scans [s]
+_SET_CLOCK = "set the sonar's clock by NTP, before the dive and not in it"
 _AHEAD = 60.0  # the last stamp may be later than the file's modification time by this [s]
 
 
@@ -123,10 +124,12 @@ def clock_faults(clock: Clock, changed: float | None = None) -> list[str]:
     """Messages about faults of a clock that should show UTC. `changed`: modification time of the recording's file
     [s, UTC], if it is known."""
     if clock.stands_still:
-        return [f"the clock stands still: {clock.still:,} of {clock.steps:,} stamps are those of the shot before"]
+        still = f"{clock.still:,} of {clock.steps:,} stamps are those of the shot before"
+        return [f"the clock stands still: {still}; {_SET_CLOCK}"]
     faults = []
     if clock.backward:
-        faults.append(f"{clock.backward:,} of {clock.steps:,} stamps are not later than that of the shot before")
+        backward = f"{clock.backward:,} of {clock.steps:,} stamps are not later than that of the shot before"
+        faults.append(f"{backward}; {_SET_CLOCK}, and give the scans in the order of their times")
     if not clock.is_set:
         faults.append(f"the clock was not set: it ends at {utc(clock.end)} UTC")
     elif changed is not None and clock.end > changed + _AHEAD:

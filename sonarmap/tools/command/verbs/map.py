@@ -32,7 +32,6 @@ from sonarmap.tools.command.navigation import (
     PriorsFile,
     refusing,
     scans_with_priors,
-    with_mistake,
 )
 from sonarmap.tools.command.option import NAVIGATION, JsonOption, QuietOption, given, refuse_without
 from sonarmap.tools.command.output import EarthPlace, MapOutput, export_with_progress
@@ -57,10 +56,12 @@ if TYPE_CHECKING:
     from sonarmap.slam.pair import RegisteredPair
     from sonarmap.slam.tie import Tie
     from sonarmap.tools.files.geo import Georeference
+    from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
     from sonarmap.tools.files.readers.pings.line_file import LineReading
     from sonarmap.tools.files.readers.scans import Corrections, ReadScans
     from sonarmap.tools.products.export.run import ExportSettings
+    from sonarmap.tools.products.output.trial import MeasuredScans
 
 INCOMPLETE = 3
 
@@ -76,6 +77,8 @@ class SurveyInput:
     georeference: "Georeference | None"  # of the map; None if it is not known
     method: ConfiguredMethod
     settings: Mapping[str, Any]  # for summary.json
+    measured: "MeasuredScans"  # the scans with their priors
+    found: list[str]  # what is wrong with the instruments by the files, in words
     vet: "Callable[[Sequence[RegisteredPair]], None] | None"  # may refuse the navigation
     lines: "LineReading"  # how lines of pings became scans
     turn_rates: "TurnRates | None"  # of the recordings' own IMU
@@ -149,6 +152,7 @@ def command(
     """
     from sonarmap.tools.files.readers.navigation.odometry import turn_rates_of
     from sonarmap.tools.files.readers.pings.line_file import way_within
+    from sonarmap.tools.products.output.trial import MeasuredScans
 
     reporting = Reporting(time.monotonic(), as_json, quiet)
     mapper, method = survey.mapper_settings(method)
@@ -161,8 +165,9 @@ def command(
     corrections = points.corrections()
     if patch_test:
         corrections = without_biases(inputs, corrections, reporting.silent)
-    read = _read_scans(inputs, priors.priors, corrections, output.out, reporting.silent)
-    read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
+    read, found = _read_scans(inputs, priors.priors, corrections, output.out, reporting.silent)
+    navigated = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
+    read, georeference = replace(read, scans=navigated.scans), navigated.georeference
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
     exports = output.export_settings(earth.crs, georeference, [scan.stamp for scan in read.scans])
@@ -175,10 +180,12 @@ def command(
     if patch_test:
         settings["patch_test"] = corrections.lines.biases.to_json()
     rates = turn_rates_of(read.files, read.scans) if imu and mapper.straighten else None
-    vet = refusing(read.scans, priors.named or "what recordings measured", georeference) if check_priors else None
+    measured = MeasuredScans(read.scans, priors.named or "what recordings measured", georeference)
+    vet = refusing(measured) if check_priors else None
     survey_input = SurveyInput(
-        read, reckoned, ties, control, georeference, configured, settings, vet, corrections.lines, rates
-    )
+        read, reckoned, ties, control, georeference, configured, settings, measured, [*found, *navigated.faults], vet,
+        corrections.lines, rates,
+    )  # fmt: skip
     try:
         whole = _map_and_report(survey_input, execution, output, exports, reporting)
     except ContradictedError as error:
@@ -237,11 +244,11 @@ def _map_and_report(
 
 def _read_scans(
     inputs: list[str], priors: list[Path], corrections: "Corrections", out: Path, quiet: bool
-) -> "ReadScans":
-    """Read the scans, and warn of those that cannot be read."""
-    from sonarmap.slam.odd.standing import StandingParts, in_words
+) -> "tuple[ReadScans, list[str]]":
+    """Read the scans, and warn of those that cannot be read, and of what they show of the sonar, which is returned."""
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import read_survey
+    from sonarmap.tools.products.output.trial import Evidence, ScansOnTrial, on_trial
 
     with growing_progress("reading", quiet) as step:
         read = read_survey(inputs, priors, step, corrections)
@@ -252,17 +259,19 @@ def _read_scans(
         raise InputError(f"{read.unread[0].reason} ({count}; a map needs at least two)")
     warn_of_some([f"skipped, which leaves a gap: {as_options(unread.reason)}" for unread in read.unread])
     require_apart(out, read.files)
-    standing = StandingParts()
-    for scan in () if read.patches else read.scans:
-        standing.add(scan)
-    if parts := standing.found():
-        warn(in_words(parts))
-    return read
+    trial = ScansOnTrial()
+    for scan, survey in () if read.patches else zip(read.scans, read.surveys, strict=True):
+        trial.add(scan, scan.stamp, survey)
+    found = on_trial(Evidence(trial, len(read.unread)))
+    for words in found:
+        if not any(note.endswith(words) for note in read.notes):
+            warn(words)
+    return read, [*read.faults, *found]
 
 
 def _navigate(
     read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool, heading: float | None
-) -> "tuple[ReadScans, Georeference | None]":
+) -> "Navigated":
     """The scans with their priors, and the map's place on the Earth by the navigation."""
     if read.patches and use_imu:
         navigated = navigated_lines(read, priors, navigation)
@@ -270,7 +279,7 @@ def _navigate(
         navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread))
     if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in navigated.scans):
         raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
-    return replace(read, scans=navigated.scans), navigated.georeference
+    return navigated
 
 
 def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quiet: bool) -> Mapped:
@@ -280,7 +289,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
     from sonarmap.tools.files.map_folder.names import JOURNAL
     from sonarmap.tools.files.user_file import input_rows
     from sonarmap.tools.products.output.folder import SurveyRun, survey_times, write_survey
-    from sonarmap.tools.products.output.upside_down import upside_down
+    from sonarmap.tools.products.output.upside_down import map_clouds
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out
     prepared = prepared_limit(method.registrar, options.processes)
@@ -299,14 +308,11 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
                 survey.vet,
                 survey.turn_rates,
             )
-        files = settings.get("priors", "what recordings measured")
-        named = " and ".join(files) if isinstance(files, list) else files
-        result = with_mistake(result, read.scans, named, survey.georeference)
-        if survey.vet is not None and not result.mistake:
-            result = replace(result, mistake=upside_down(result, read.scans))
+        made = result
+        result = survey.measured.judged(result, None if survey.vet is None else lambda: map_clouds(made))
         times = survey_times(execution.timings, options.processes)
         names = [scan.name for scan in read.scans]
-        run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)
+        run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times, survey.found)
         with stage("writing", quiet):
             write_survey(out, result, run)
     return Mapped(result, names, out, len(read.unread), survey.georeference is not None)

@@ -171,8 +171,8 @@ def _of_file(path: Path, corrections: Corrections, after: Mark) -> Iterator[Inco
 
 
 def _read(inputs: Sequence[str | Path], corrections: Corrections) -> Sequence[Scan]:
-    """The scans of finished files. Raises InputError: no scan can be read."""
-    read = read_survey(inputs, corrections=corrections)
+    """The scans of finished files, with points' times as they are. Raises InputError: no scan can be read."""
+    read = read_survey(inputs, corrections=corrections, correct_times=False)
     if not read.scans:
         raise InputError(f"no scan can be read: {read.unread[0].reason}")
     return read.scans

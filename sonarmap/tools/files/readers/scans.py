@@ -129,7 +129,8 @@ class ReadScans:
     """The scans that were read, and the files that could not be."""
 
     scans: tuple[Scan, ...]  # in natural order of the files, and within a file in its own order
-    notes: tuple[str, ...]  # messages about the files: dropped points, corrected strengths
+    notes: tuple[str, ...]  # messages about the files: dropped points, corrected strengths, and the faults
+    faults: tuple[str, ...]  # what is wrong with the stamps of scans and the times of points
     files: tuple[Path, ...]  # all files that the paths name, in order
     unread: tuple[Unread, ...] = ()  # unreadable files and scans, in the same order
     # survey of each scan, 0, 1, ...: a folder is one survey, or all scans are if each is in a folder of its own
@@ -152,6 +153,7 @@ def read_survey(
     not_scans: Collection[Path] = (),
     progress: Progress | None = None,
     corrections: Corrections = AS_RECORDED,
+    correct_times: bool = True,
 ) -> ReadScans:
     """Read every readable scan of the files, folders and patterns in `paths`, in natural order; `recording.sonar#3` is
     scan 3, counted from 0, of a file that holds several.
@@ -161,6 +163,7 @@ def read_survey(
     name in several folders are named by their paths. The priors.csv of a folder or pattern and the files in `not_scans`
     are skipped. The points of large surveys are kept on disk (`PointStore`). `progress` is called with (files read,
     number of files, file name), and within a file every 100 scans. `corrections` are applied to all points.
+    `correct_times`: points' times in another unit become seconds.
     """
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
@@ -172,9 +175,10 @@ def read_survey(
         entries.append(_kept(entry, store))
     times, are_clouds = [entry.stamp for entry in entries], [entry.is_cloud for entry in entries]
     stamps, stamp_notes = stamps_of(times, are_clouds)
-    sweep = Sweep.of([span_of(entry.scan) for entry in entries], times)
-    entries = [replace(entry, scan=sweep.in_seconds(entry.scan, store)) for entry in entries]
-    return _all_of(entries, stamps, [*notes, *stamp_notes, *sweep.notes], files_of(selection))
+    sweep = Sweep.of([span_of(entry.scan) for entry in entries], times) if correct_times else Sweep()
+    if correct_times:
+        entries = [replace(entry, scan=sweep.in_seconds(entry.scan, store)) for entry in entries]
+    return _all_of(entries, stamps, notes, (*stamp_notes, *sweep.notes), files_of(selection))
 
 
 def files_of(selection: Selection) -> tuple[Path, ...]:
@@ -281,7 +285,11 @@ def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
 
 
 def _all_of(
-    entries: Sequence[ScanEntry], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
+    entries: Sequence[ScanEntry],
+    stamps: Sequence[float],
+    notes: Sequence[str],
+    faults: tuple[str, ...],
+    files: tuple[Path, ...],
 ) -> ReadScans:
     """The result of entries and their stamps."""
     scans: list[Scan] = []
@@ -300,7 +308,8 @@ def _all_of(
         surveys.append(folders.setdefault(folder, len(folders)))
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
-    return ReadScans(tuple(scans), (*notes, *notes_about(entries)), files, tuple(unread), tuple(surveys), patches)
+    said = (*notes, *faults, *notes_about(entries))
+    return ReadScans(tuple(scans), said, faults, files, tuple(unread), tuple(surveys), patches)
 
 
 def notes_about(entries: Iterable[ScanEntry]) -> list[str]:

@@ -42,6 +42,7 @@ INSTRUMENTS = {
     "depth": "depths",
     "odometry": "steps of dead reckoning",
 }
+_CHECK = "; check their axes, unit, mount and times (--nav-frame, --mount, --nav-offset)"
 _EACH = 3  # largest number of gaps, fixes or other places with a sentence each
 
 
@@ -65,12 +66,18 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
     ]
 
 
+def instrument_faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
+    """Those of `faults` that concern the sonar and the navigation."""
+    odd = [row["reason"] for row in odd_rows(result, names)]
+    return [*contradictions(replace(result, other_places=())), *odd, *_of_fixes(result, names)]
+
+
 def contradictions(result: SurveyResult) -> list[str]:
     """Contradictions between navigation and the map, or between groups of scans, one sentence each."""
     rows = {row["kind"]: row["reason"] for row in understated_rows(result)}
     words = [result.mistake] if result.mistake else []
     words += [
-        rows.get(kind, f"{INSTRUMENTS[kind]} are {sigmas:.1f} standard deviations from the map in the median")
+        rows.get(kind, f"{INSTRUMENTS[kind]} are {sigmas:.1f} standard deviations from the map in the median{_CHECK}")
         for kind, sigmas in result.disputed.items()
     ]
     refused, sure = result.refused_for_navigation

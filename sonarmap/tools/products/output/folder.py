@@ -71,7 +71,8 @@ class SurveyRun:
     device: on which it ran; None for a method without a device.
     inputs: the files, as `input_rows` describes them.
     georeference: of the map's origin; None where it is not known.
-    times: content of times.json, see `survey_times`; None for no such file."""
+    times: content of times.json, see `survey_times`; None for no such file.
+    found: what was wrong with the instruments before the map was made, in words."""
 
     names: Sequence[str]
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
@@ -80,6 +81,7 @@ class SurveyRun:
     inputs: Sequence[Mapping[str, Any]] = ()
     georeference: Georeference | None = None
     times: Mapping[str, Any] | None = None
+    found: Sequence[str] = ()
 
 
 def part_files(result: SurveyResult, rank: int) -> list[str]:
@@ -203,7 +205,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
         "interpolated": result.interpolated,
         "straightened": result.straightened,
         "by_navigation": result.by_navigation,
-        "warnings": faults(result, names),
+        "warnings": [*run.found, *faults(result, names)],
         "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
         "measured": {
             kind: {"used": used, "given": given, "median_sigmas": sigmas}

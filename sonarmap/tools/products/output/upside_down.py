@@ -5,6 +5,7 @@ the registrations agree with the navigation only if the scans are upright.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -26,12 +27,37 @@ _ABOVE = 0.8  # share of these above the sonar, from which the map may be upside
 _DECISIVE = 36.0  # chi-squared by which registrations and navigation show that the scans are upright
 
 
-def upside_down(result: SurveyResult, scans: Sequence[Scan]) -> str:
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """Points of a part of a map."""
+
+    points: np.ndarray  # (n, 3) in the part's frame [m]
+    sonar: np.ndarray  # (n,) height of the sonar that saw each [m]
+
+
+def map_clouds(result: SurveyResult) -> list[Cloud]:
+    """The clouds of a finished map."""
+    heights, maps = result.trajectory.T_world_sensor.translation[:, 2], result.maps
+    return [Cloud(maps[c].points, heights[maps[c].scan]) for c in placed(result.components)]
+
+
+def scan_clouds(result: SurveyResult, points: Sequence[np.ndarray]) -> list[Cloud]:
+    """The clouds of scans of which there are a few `points` each, (n, 3) in the sensor's frame [m]."""
+    T, clouds = result.trajectory.T_world_sensor, list[Cloud]()
+    for c in placed(result.components):
+        members = [k for k in result.components[c] if len(points[k])]
+        if members:
+            heights = [np.full(len(points[k]), T[k].translation[2]) for k in members]
+            clouds.append(Cloud(np.concatenate([T[k].apply(points[k]) for k in members]), np.concatenate(heights)))
+    return clouds
+
+
+def upside_down(result: SurveyResult, scans: Sequence[Scan], clouds: Sequence[Cloud]) -> str:
     """Why the map may be upside down, and what to do; "" if nothing speaks for it, or depth or attitude is unknown."""
     known = np.array([p is not None and p.knows_attitude and p.knows_depth for p in (scan.prior for scan in scans)])
     if known.sum() < len(scans) / 2:
         return ""
-    heights = np.concatenate([_heights(result, c) for c in placed(result.components)])
+    heights = np.concatenate([np.empty(0), *map(_heights, clouds)])
     share = float((heights > 0).mean()) if len(heights) else 0.0
     if share < _ABOVE or _upright_by(result, scans) > _DECISIVE:
         return ""
@@ -42,11 +68,10 @@ def upside_down(result: SurveyResult, scans: Sequence[Scan]) -> str:
     )
 
 
-def _heights(result: SurveyResult, component: int) -> np.ndarray:
-    """Heights above the sonar [m] of points on level surfaces, of a sample of a component's map; empty if they are few
-    of the sample."""
-    points, scan = result.maps[component].points, result.maps[component].scan
-    points, scan = (array[:: len(points) // _MOST + 1] for array in (points, scan))
+def _heights(cloud: Cloud) -> np.ndarray:
+    """Heights above the sonar [m] of points on level surfaces, of a sample of a cloud; empty if they are few of the
+    sample."""
+    points, sonar = (array[:: len(cloud.points) // _MOST + 1] for array in (cloud.points, cloud.sonar))
     if len(points) < _NEIGHBORS:
         return np.empty(0)
     chosen = np.arange(0, len(points), len(points) // _SAMPLE + 1)
@@ -55,8 +80,7 @@ def _heights(result: SurveyResult, component: int) -> np.ndarray:
     variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", spread, spread))
     is_surface = (variances[:, 0] < _FLAT * variances[:, 1]) & (variances[:, 1] > _BROAD * variances[:, 2])
     level = is_surface & (np.abs(axes[:, 2, 0]) > _LEVEL)
-    sonar = result.trajectory.T_world_sensor.translation[scan[chosen], 2]
-    return (points[chosen, 2] - sonar)[level] if level.mean() >= _LEAST else np.empty(0)
+    return (points[chosen, 2] - sonar[chosen])[level] if level.mean() >= _LEAST else np.empty(0)
 
 
 def _upright_by(result: SurveyResult, scans: Sequence[Scan]) -> float:

@@ -14,11 +14,11 @@ from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.navigation import (
     ContradictedError,
-    contradiction_of,
     parse_prior_sigmas,
     refusing,
 )
 from sonarmap.tools.files.readers.instruments import poses_of, values_of
+from sonarmap.tools.products.output.trial import MeasuredScans
 from tests.samples.clutter_scans import done, files_in, refused, said, scan, sonarmap, table_of, write
 from tests.samples.surveys import step_pair
 from tests.tools.files.readers.navigation.test_contradictions import TIGHT, measured, path, priors, signed
@@ -204,11 +204,12 @@ def test_a_heading_of_opposite_sign_is_named_and_refused() -> None:
     rng = np.random.default_rng(1)
     truth = path(rng, 60)
     values, free = measured(truth, rng), free_pairs(truth, range(0, 45, 3))
-    verdict = contradiction_of(scans_with(signed(2)(values)), free)
+    right, wrong = (MeasuredScans(scans_with(each), "log.csv") for each in (values, signed(2)(values)))
+    verdict = wrong.contradiction(free)
     assert verdict is not None
     assert verdict.instead == ("heading_deg with the opposite sign",)
     with pytest.raises(ContradictedError, match=r"they agree with heading_deg .*In log\.csv: give --nav-frame"):
-        refusing(scans_with(signed(2)(values)), "log.csv")(free)
-    assert contradiction_of(scans_with(values), free) is None
-    refusing(scans_with(values), "log.csv")(free)
-    assert contradiction_of(scans_with(signed(2)(values)), free[:5]) is None
+        refusing(wrong)(free)
+    assert right.contradiction(free) is None
+    refusing(right)(free)
+    assert wrong.contradiction(free[:5]) is None

@@ -30,10 +30,12 @@ class Navigated:
     Attributes:
         scans: the given scans, with priors where a file has measurements.
         georeference: of the world's origin; None if neither the files nor the user give it.
+        faults: which rows cannot be right and were left out, one sentence each.
     """
 
     scans: tuple[Scan, ...]
     georeference: Georeference | None
+    faults: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         priors = [scan.prior for scan in self.scans if scan.prior is not None]
@@ -56,7 +58,7 @@ def navigate(
         paths: the files. They may measure different quantities, or different scans.
         allow_unknown: whether rows of other scans are ignored; else they are refused.
     """
-    notes = [] if notes is None else notes
+    notes, faults = [] if notes is None else notes, list[str]()
     paths = [paths] if isinstance(paths, Path) else paths
     if len(paths) > 1:
         scans = [replace(scan, prior=None) for scan in scans]
@@ -64,7 +66,7 @@ def navigate(
     origin, on_earth = settings.origin, list[Path]()
     for path in paths:
         own = replace(settings, origin=origin, are_shared=settings.are_shared or len(paths) > 1)
-        of_file, here = _of_scans(scans, path, own, allow_unknown, notes)
+        of_file, here = _of_scans(scans, path, own, allow_unknown, notes, faults)
         of_files.append(of_file)
         origin, on_earth = here or origin, on_earth + [path] * (here is not None)
     priors = _merged(scans, paths, of_files)
@@ -77,7 +79,8 @@ def navigate(
     if settings.mount is not None:
         priors = [prior and settings.mount.of_sensor(prior) for prior in priors]
     placed = tuple(replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True))
-    return Navigated(placed, origin)
+    notes += faults
+    return Navigated(placed, origin, tuple(faults))
 
 
 def _of_scans(
@@ -86,6 +89,7 @@ def _of_scans(
     settings: NavigationSettings,
     allow_unknown: bool,
     notes: list[str],
+    faults: list[str],
 ) -> tuple[list[PosePrior | None], Georeference | None]:
     """Priors of the scans from one file, for the vehicle if the sonar's mount is given; and the georeference of the
     origin of x and y, None if unknown."""
@@ -94,8 +98,8 @@ def _of_scans(
     defaults = [settings.sigmas.get(column, np.nan) for column in COLUMNS]
     sigmas = np.where(np.isnan(log.sigmas), defaults, log.sigmas)
     log = replace(log, sigmas=sigmas, times=log.times + settings.offset)
-    log, faults = usable_rows(log, settings.fastest, stamps)
-    notes += [f"{path}: {note}" for note in fault_notes(faults)]
+    log, wrong = usable_rows(log, settings.fastest, stamps)
+    faults += [f"{path}: {note}" for note in fault_notes(wrong)]
     if log.key == "stamp" and _is_series(stamps, log):
         priors = _from_series(path, log, stamps, notes)
     else:
