@@ -1,6 +1,7 @@
-"""A decided survey as a result: its components fused to maps, with the uncertainty of every pose."""
+"""A decided survey as a result, with the uncertainty of every pose; its components may be fused to maps."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,8 +23,8 @@ def fused(
         voxel, map_voxel: edges of the survey's and the maps' voxels [m].
         min_seen: points that fewer scans saw are left out where others contradict them.
     """
-    solution, covariances = decision.solution, pose_covariances(decision.solution)
-    trajectory, components = solution.trajectory, solution.graph.components
+    result = unfused(decision, scans, surveys, voxel)
+    trajectory, covariances, components = result.trajectory, result.covariances, result.components
     parts: list[ComponentMaps] = []
     for component in components:
         members = list(component)
@@ -36,14 +37,19 @@ def fused(
             surveys[members].tolist(),
         )
         parts.append(component_maps(placed, decision.chained.take(members), min_seen))
+    return replace(result, parts=tuple(parts))
+
+
+def unfused(decision: Decision, scans: Sequence[Scan], surveys: np.ndarray, voxel: float) -> SurveyResult:
+    """The result of a survey without maps; arguments as of `fused`."""
     return SurveyResult(
-        trajectory=trajectory,
+        trajectory=decision.solution.trajectory,
         chained=decision.chained,
-        components=components,
+        components=decision.solution.graph.components,
         surveys=tuple(surveys.tolist()),
-        covariances=covariances,
-        solution=solution,
-        parts=tuple(parts),
+        covariances=pose_covariances(decision.solution),
+        solution=decision.solution,
+        parts=(),
         pairs=decision.pairs,
         gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
         voxel=voxel,

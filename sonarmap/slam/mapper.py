@@ -11,14 +11,14 @@ from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.slam.free_pairs import errors_shown, register_freely
-from sonarmap.slam.fused import fused
+from sonarmap.slam.fused import fused, unfused
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.straighten import Straightened, Way, sharper, straightened, ways
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.slam.odd.odd_scan import find_odd
-from sonarmap.slam.odd.scaled import find_scaled
+from sonarmap.slam.odd.scaled import ScaledScans, find_scaled
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.slam.pair_search import PairSearch
 from sonarmap.slam.stream.between import with_between
@@ -126,16 +126,19 @@ class Mapper:
         settled: int = 0,
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
         odometry: Odometry | None = None,
-    ) -> Decision:
-        """The decision about at least two scans, for a growing map; `surveys` and `odometry` are as of `run`, `known`
-        pairs are already registered, `settled` and `looked` are as of `PairSearch`.
+    ) -> SurveyResult:
+        """The survey of at least two scans, without its maps, for a growing map; `surveys` and `odometry` are as of
+        `run`, `known` pairs are already registered, `settled` and `looked` are as of `PairSearch`.
 
         Raises:
             InputError: no pair could be registered.
         """
         measurements = Measurements(tuple(scans), surveys, odometry)
-        runner = PairRunner(self.execution, measurements.searched(), 0, None)
-        return self._decided(runner, measurements, known, settled, looked)
+        searched = measurements.searched()
+        runner = PairRunner(self.execution, searched, 0, None)
+        decision = self._decided(runner, measurements, known, settled, looked)
+        result = unfused(decision, scans, surveys, self.voxel)
+        return replace(result, scaled=_scaled(runner, searched, decision))
 
     def _straightened(
         self,
@@ -182,8 +185,7 @@ class Mapper:
             floor, bound = self.settings.loops.floor(self.voxel), self.settings.loops.bound
             if odd := find_odd(runner, searched, measurements.runs, decision, floor, bound):
                 decision = decision.without_scans({each.scan for each in odd})
-            members = set(max(decision.solution.graph.components, key=len))
-            scaled = find_scaled(runner, searched, [pair for pair in decision.pairs if pair.kept and pair.i in members])
+            scaled = _scaled(runner, searched, decision)
         finally:
             self.execution.worker.release()
         runner.step_done("poses optimized")
@@ -236,6 +238,12 @@ class Mapper:
         loops, limits = settings.loops, settings.limits
         search = PairSearch(runner, measurements, self.registrar, self.voxel, loops, limits, settled, looked)
         return search.decided(known, settings.bridge)
+
+
+def _scaled(runner: PairRunner, scans: Sequence[Scan], decision: Decision) -> ScaledScans | None:
+    """Scans of the largest component whose ranges differ from those of the others."""
+    members = set(max(decision.solution.graph.components, key=len))
+    return find_scaled(runner, scans, [pair for pair in decision.pairs if pair.kept and pair.i in members])
 
 
 def _require_scans(count: int, ties: Sequence[Tie], control: Sequence[ControlPoint]) -> None:

@@ -12,12 +12,12 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.execute.job import Job
 from sonarmap.slam.execute.runner import PairRunner, Timings
 from sonarmap.slam.execute.worker import PairWorker, TimedText
-from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.live.tracker import Placed, Tracker
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 
@@ -25,6 +25,15 @@ from sonarmap.spectral.scan import Scan
 Navigate = Callable[[Sequence[Scan]], tuple[Sequence[Scan], Odometry | None]]
 
 _MAX_WAIT = 1.0  # of a pair of the background thread [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """The key scans of the last decision."""
+
+    keys: Sequence[Scan]  # with their priors by then
+    steps: Sequence[RegisteredPair]  # consecutive ones, registered without the navigation
+    result: SurveyResult  # without maps
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +58,7 @@ class GrowingMap:
         idle: set it while no scan waits: the other thread registers pairs then, or after at most a second each.
         decided: number of key scans in the last decision.
         settled: number of key scans of a finished map.
+        last: the last decision; None before the first.
         seconds: computing time of the last decision [s].
         voxel: edge of the survey's voxels [m].
     """
@@ -75,6 +85,7 @@ class GrowingMap:
         self._navigate = navigate
         self._decision: tuple[list[Pose], list[tuple[int, int]], Sequence[Scan]] | None = None
         self.settled = 0
+        self.last: Decided | None = None
         # registrations at expected poses; only the final map repeats them when the estimate changes
         self._looked: dict[tuple[int, int], RegisteredPair] = {}
         self.decided, self.seconds, self.voxel = 0, 0.0, mapper.voxel
@@ -132,17 +143,17 @@ class GrowingMap:
             keys, odometry = self._navigate(keys)
         # without dead reckoning, each part is a survey of its own: loops may join it to others, but no consecutive pair
         surveys = np.cumsum([k in starts and odometry is None for k in range(len(keys))]) - 1
-        decision = self._mapper.decided(keys, surveys, steps, self.settled, self._looked, odometry)
+        result = self._mapper.decided(keys, surveys, steps, self.settled, self._looked, odometry)
         self._mapper.execution.timings.pairs.clear()
-        solution, covariances = decision.solution, pose_covariances(decision.solution)
-        T, graph = solution.trajectory.T_world_sensor, solution.graph
+        T, graph = result.trajectory.T_world_sensor, result.solution.graph
         poses: dict[int, Pose] = {}
         for members in graph.components:
             number = min(members)
             in_world = graph.gauge.lies_in_world(members)
             first = RigidTransform.identity() if in_world else _level(keys[number]) * T[number].inv()
-            poses |= {k: Pose(number, first * T[k], covariances[k]) for k in members}
-        loops = [pair.scans for pair in decision.pairs if pair.kept and pair.role == "loop"]
+            poses |= {k: Pose(number, first * T[k], result.covariances[k]) for k in members}
+        loops = [pair.scans for pair in result.pairs if pair.kept and pair.role == "loop"]
+        self.last = Decided(keys, steps, result)
         self._decision = [poses[k] for k in range(len(keys))], loops, keys
         self.seconds = perf_counter() - begun
 

@@ -1,8 +1,9 @@
 """The mapping process: scans in as they arrive, messages for the page out."""
 
+import re
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -26,17 +27,23 @@ from sonarmap.slam.live.tracker import Placed
 from sonarmap.slam.map.cell import cell_means
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.mapper_settings import MapperSettings
+from sonarmap.slam.motion.sweep import span_of
 from sonarmap.spectral.point_store import PointStore
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
 from sonarmap.tools.command.live.navigation import Navigation
 from sonarmap.tools.command.method import MethodOptions, configure_method
 from sonarmap.tools.files.map_folder.names import JOURNAL
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, replayed
+from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS
 from sonarmap.tools.files.readers.scans import Corrections
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.clearance import clearance
 from sonarmap.tools.products.live.messages import State, coverage
+from sonarmap.tools.products.output.trial import Evidence, MeasuredScans, ScansOnTrial, on_trial
+from sonarmap.tools.products.output.upside_down import Cloud, scan_clouds
 
 _FIRST = 10  # scans from which the voxel is chosen, or
 _FIRST_SECONDS = 3.0  # the scans of this time [s]
@@ -54,6 +61,8 @@ _NEW_SHARE = 0.1  # share of new key scans in all of them before the next decisi
 _BESIDE = 20  # key scans nearest to the vehicle in which the bed below it is looked for
 _SPEED_OVER = 2.0  # time over which the speed is measured [s]
 _TRACK = 64  # latest scans from which the speed is measured
+_TRIAL_SECONDS, _TRIAL_SCANS = 10.0, 64  # of new scans before they are examined again [s], or their number
+_EXAMINED = 2000  # points of a key scan by which up and down are distinguished
 _IN_MEMORY = 1 << 27  # bytes of key scans in memory; the others are on disk
 
 
@@ -107,6 +116,9 @@ class _Mapping:
         self._stride = 1  # number of waiting scans of which the last is placed
         self._store = PointStore(_IN_MEMORY)
         self._behind = Mark()  # position in the input after the previous scan
+        self._trial = ScansOnTrial()
+        self._examined: tuple[int, float] = (0, 0.0)  # number of scans when they were last examined, and stamp
+        self._wrong: list[str] = []  # with the instruments, by the last decision
 
     def run(self) -> None:
         kept = list(kept_keys(self._settings.out, self._alert))
@@ -149,6 +161,7 @@ class _Mapping:
             self._decide_if_due(growing)
             self._send_state(growing)
         growing.idle.set()
+        self._examine([], ended=True)
         self._end_deciding()
         self._deciding = self._beside.submit(self._decide, growing)
         self._end_deciding()
@@ -184,6 +197,7 @@ class _Mapping:
         if placed is None and chosen > 1:
             self._stride = max(1, chosen // 2)
             return
+        self._examine([self._backlog[k].scan for k in range(chosen)])
         self._backlog.drop(chosen)
         late = waiting - chosen
         self._stride = min(2 * chosen, late) if late > 1 else max(1, chosen - 1)
@@ -213,16 +227,51 @@ class _Mapping:
             self._alert(f"the map grows in memory only, and is lost if the mapping is killed: {error}")
 
     def _alert(self, words: str) -> None:
-        if words not in self._state.alerts:
+        """Add an alert, if none before it differs only in its numbers, which change as the map grows."""
+        words = as_options(words)
+        if _without_numbers(words) not in map(_without_numbers, self._state.alerts):
             self._state = replace(self._state, alerts=(*self._state.alerts, words))
 
+    def _examine(self, scans: Sequence[Scan], ended: bool = False) -> None:
+        """Put new scans on trial, and report what is wrong with the sonar from time to time."""
+        for scan in scans:
+            self._trial.add(scan, scan.stamp, span=span_of(scan))
+        count, stamp = self._state.scans + len(scans), scans[-1].stamp if scans else 0.0
+        before = self._examined
+        if ended or count - before[0] >= _TRIAL_SCANS or abs(stamp - before[1]) >= _TRIAL_SECONDS:
+            self._examined = count, stamp
+            for words in on_trial(Evidence(self._trial)):
+                self._alert(words)
+
+    def _examine_decision(self, growing: GrowingMap) -> list[str]:
+        """What is wrong with the instruments, by navigation and the last decision."""
+        navigation, last = self._settings.navigation, growing.last
+        of_files = [] if navigation is None else navigation.faults
+        if last is None or len(last.steps) < LEAST_PAIRS:
+            return on_trial(Evidence(of_files=of_files))
+        if navigation is None:
+            return on_trial(Evidence(result=last.result))
+
+        def clouds() -> list[Cloud]:
+            points = [_thinned(cell_means(key.points, growing.voxel), _EXAMINED) for key in last.keys]
+            return scan_clouds(last.result, points)
+
+        named = navigation.priors.named or "what recordings measured"
+        measured = MeasuredScans(last.keys, named, navigation.place)
+        return on_trial(
+            Evidence(of_files=of_files, measured=measured, free=last.steps, result=last.result, clouds=clouds)
+        )
+
     def _decide(self, growing: GrowingMap) -> None:
+        begun = time.perf_counter()
         try:
             growing.decide()
         except InputError as error:  # the journal cannot be written
             self._alert(f"registrations cannot be saved: {error}")
             growing.forget_journal()
             growing.decide()
+        self._wrong = self._examine_decision(growing)
+        growing.seconds = time.perf_counter() - begun
 
     def _end_deciding(self) -> None:
         """Wait for a running decision. If it fails, the poses still follow from the scans' steps."""
@@ -235,6 +284,8 @@ class _Mapping:
         except Exception as error:  # noqa: BLE001 - such as wrong navigation, of which there is more later
             self._alert(f"loops are not closed: {error}")
         self._deciding, self._decided = None, time.monotonic()
+        for words in self._wrong:
+            self._alert(words)
 
     def _decide_if_due(self, growing: GrowingMap) -> None:
         """Show the last decision, and start another in the background if enough key scans are new."""
@@ -348,6 +399,10 @@ class _Mapping:
         ]
         span = last - within[0][0]
         return float(np.linalg.norm(within[-1][1].translation - within[0][1].translation)) / span if span > 0 else None
+
+
+def _without_numbers(words: str) -> str:
+    return re.sub(r"\d+", "", words)
 
 
 def _without_strays(points: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ import socket
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from pathlib import Path
 from threading import Event, Thread
@@ -26,15 +26,26 @@ from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 _TEXTS = (".csv", ".txt", ".tum", ".nmea", ".log")  # files whose last line may be incomplete
 
 
-@dataclass(frozen=True, slots=True)
+_GRACE = 10.0  # time for which a file may be unreadable, as one that has just begun [s]
+
+
+@dataclass(slots=True)
 class Navigation:
-    """Reads the navigation files, as the options say."""
+    """Reads the navigation files, as the options say.
+
+    Attributes:
+        faults: what was wrong with them when they were last read, one sentence each.
+        place: the map's on the Earth, if they gave it then.
+    """
 
     priors: PriorsFile
     odometry: OdometryFile
     reading: NavigationReading
-    fastest: float | None = None  # largest speed of the vehicle [m/s]
+    fastest: float = float("inf")  # largest speed of the vehicle [m/s]
     origin: Georeference | None = None  # of the map; None for the first fix
+    faults: list[str] = field(default_factory=list[str])
+    place: Georeference | None = None
+    _failed: dict[str, float] = field(default_factory=dict[str, float])  # since when a file cannot be read [s]
 
     def __post_init__(self) -> None:
         self._settings()
@@ -42,21 +53,51 @@ class Navigation:
 
     def __call__(self, scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry | None]:
         """The scans with priors, and dead reckoning at their times, from the files. A file that has no data yet
-        or cannot be read now changes nothing: the final map reports what is wrong."""
-        odometry, settings = None, self._settings()
+        or cannot be read now changes nothing."""
+        odometry, settings, self.faults = None, self._settings(), []
+        now = max(scan.stamp for scan in scans)
         if self.priors.priors:
-            with suppress(Exception), ExitStack() as stack:
-                paths = [stack.enter_context(_whole_lines(path)) for path in self.priors.priors]
-                scans = navigate(scans, paths, settings, allow_unknown=True).scans
-        if self.odometry.odometry is not None:
-            with suppress(Exception), _whole_lines(self.odometry.odometry) as path:
+            with self._reading("--priors", now), ExitStack() as stack:
+                paths = {path: stack.enter_context(_whole_lines(path)) for path in self.priors.priors}
+                with _naming(paths):
+                    navigated = navigate(scans, list(paths.values()), settings, allow_unknown=True)
+                scans, self.place = navigated.scans, navigated.georeference
+                self.faults += [_named(fault, paths) for fault in navigated.faults]
+        if (file := self.odometry.odometry) is not None:
+            with self._reading("--odometry", now), _whole_lines(file) as path, _naming({file: path}):
                 odometry = read_odometry(path, scans, *self.odometry.drift, settings=settings)
         return scans, odometry
+
+    @contextmanager
+    def _reading(self, option: str, now: float) -> Generator[None]:
+        """Within the block a file is read; what prevents it is a fault if it lasts. `now`: stamp of the last scan."""
+        try:
+            yield
+        except Exception as error:  # noqa: BLE001 - the dive goes on, whatever it is
+            if now - self._failed.setdefault(option, now) >= _GRACE:
+                self.faults.append(f"{option} is not used: {error}")
+        else:
+            self._failed.pop(option, None)
 
     def _settings(self) -> NavigationSettings:
         settings = self.reading.settings(*self.priors.priors, self.odometry.odometry, origin=self.origin)
         # pyrefly: ignore[bad-argument-type]
         return replace(settings, sigmas=self.priors.sigmas or settings.sigmas, fastest=self.fastest)
+
+
+@contextmanager
+def _naming(paths: Mapping[Path, Path]) -> Generator[None]:
+    """Within the block errors name the files themselves, not their copies."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(_named(str(error), paths)) from error
+
+
+def _named(words: str, paths: Mapping[Path, Path]) -> str:
+    for path, copy in paths.items():
+        words = words.replace(str(copy), str(path))
+    return words
 
 
 @contextmanager
