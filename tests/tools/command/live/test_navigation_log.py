@@ -219,3 +219,25 @@ def test_dead_reckoning_covers_only_scans_within_the_file(tmp_path: Path, cut: i
     assert odometry.scans.tolist() == ([0, 1, 2, 3] if cut == 0 else [0, 1, 2])
     np.testing.assert_allclose(odometry.T_odom_sensor.translation[:, 0], odometry.scans, atol=1e-9)
     assert navigation(odometry=tmp_path / "nothing.tum")(SCANS)[1] is None
+
+
+def test_what_is_wrong_with_a_log_is_reported(tmp_path: Path) -> None:
+    """Rows that cannot be right at once; a log that cannot be used if that lasts for ten seconds of the dive."""
+    path = tmp_path / "navigation.csv"
+    stamps = np.arange(99.75, 104.5, 0.25)
+    path.write_text(HEAD + "".join(map(row, stamps)).replace(",2,3\n", ",2,-9999\n", 3))
+    given = navigation(path)
+    given(SCANS)
+    (fault,) = given.faults
+    assert fault.startswith(f"{path}: 3 depths are left out")
+    assert "-9999" in fault
+    path.write_text(HEAD + "".join(map(row, stamps + 3600)))
+    given(SCANS)
+    assert given.faults == []  # it may have begun late
+    later = [*SCANS, Scan(scan(0)[:50], stamp=114.5)]
+    given(later)
+    (fault,) = given.faults
+    assert fault.startswith(f"--priors is not used: {path}: no row is at the time of a scan")
+    path.write_text(HEAD + "".join(map(row, stamps)))
+    given(later)
+    assert given.faults == []
