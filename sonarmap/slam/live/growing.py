@@ -28,12 +28,13 @@ _MAX_WAIT = 1.0  # of a pair of the background thread [s]
 
 
 @dataclass(frozen=True, slots=True)
-class Decided:
-    """The key scans of the last decision."""
+class Known:
+    """What is known about the key scans at one time."""
 
-    keys: Sequence[Scan]  # with their priors by then
+    keys: Sequence[Scan]  # with the priors that navigation gives by then
+    surveys: np.ndarray  # (N,) number of each one's survey
     steps: Sequence[RegisteredPair]  # consecutive ones, registered without the navigation
-    result: SurveyResult  # without maps
+    odometry: Odometry | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,6 @@ class GrowingMap:
         idle: set it while no scan waits: the other thread registers pairs then, or after at most a second each.
         decided: number of key scans in the last decision.
         settled: number of key scans of a finished map.
-        last: the last decision; None before the first.
         seconds: computing time of the last decision [s].
         voxel: edge of the survey's voxels [m].
     """
@@ -85,7 +85,6 @@ class GrowingMap:
         self._navigate = navigate
         self._decision: tuple[list[Pose], list[tuple[int, int]], Sequence[Scan]] | None = None
         self.settled = 0
-        self.last: Decided | None = None
         # registrations at expected poses; only the final map repeats them when the estimate changes
         self._looked: dict[tuple[int, int], RegisteredPair] = {}
         self.decided, self.seconds, self.voxel = 0, 0.0, mapper.voxel
@@ -124,26 +123,36 @@ class GrowingMap:
         execution = replace(mapper.execution, journal=None)
         self._mapper = Mapper(mapper.registrar, mapper.voxel, mapper.settings, execution)
 
-    def decide(self) -> None:
-        """Search for loops among the key scans, and optimize; `take_over` applies the result. May run in another
-        thread than the other methods.
-
-        Raises:
-            DeviceError, InputError: the machine failed, or the journal cannot be used.
-        """
-        begun = perf_counter()
+    def known(self) -> Known | None:
+        """The key scans with navigation; None without a step. May run in another thread than the other methods."""
         # copy the keys first: the tracker adds the start of a part before its key scan
         keys: Sequence[Scan] = list(self.tracker.keys)
         starts = set(self.tracker.starts)
         steps = [step for k in range(1, len(keys)) if k not in starts and (step := self.tracker.steps.get(k))]
         if not steps:
-            return
+            return None
         odometry = None
         if self._navigate is not None:
             keys, odometry = self._navigate(keys)
         # without dead reckoning, each part is a survey of its own: loops may join it to others, but no consecutive pair
         surveys = np.cumsum([k in starts and odometry is None for k in range(len(keys))]) - 1
-        result = self._mapper.decided(keys, surveys, steps, self.settled, self._looked, odometry)
+        return Known(keys, surveys, steps, odometry)
+
+    def decide(self, known: Known | None = None) -> SurveyResult | None:
+        """Search for loops among the key scans, and optimize; `take_over` applies the result. May run in another
+        thread than the other methods. Returns the survey without its maps.
+
+        Args:
+            known: about the key scans; None for what is known now.
+
+        Raises:
+            DeviceError, InputError: the machine failed, or the journal cannot be used.
+        """
+        begun, known = perf_counter(), known or self.known()
+        if known is None:
+            return None
+        keys = known.keys
+        result = self._mapper.decided(keys, known.surveys, known.steps, self.settled, self._looked, known.odometry)
         self._mapper.execution.timings.pairs.clear()
         T, graph = result.trajectory.T_world_sensor, result.solution.graph
         poses: dict[int, Pose] = {}
@@ -153,9 +162,9 @@ class GrowingMap:
             first = RigidTransform.identity() if in_world else _level(keys[number]) * T[number].inv()
             poses |= {k: Pose(number, first * T[k], result.covariances[k]) for k in members}
         loops = [pair.scans for pair in result.pairs if pair.kept and pair.role == "loop"]
-        self.last = Decided(keys, steps, result)
         self._decision = [poses[k] for k in range(len(keys))], loops, keys
         self.seconds = perf_counter() - begun
+        return result
 
     def take_over(self) -> bool:
         """Apply a new decision, if there is one; key scans added since it was begun follow by their steps."""

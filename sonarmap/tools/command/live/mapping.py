@@ -38,12 +38,13 @@ from sonarmap.tools.files.map_folder.names import JOURNAL
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, replayed
 from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS
 from sonarmap.tools.files.readers.scans import Corrections
+from sonarmap.tools.files.time_scales import are_times
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.clearance import clearance
 from sonarmap.tools.products.live.messages import State, coverage
 from sonarmap.tools.products.output.trial import Evidence, MeasuredScans, ScansOnTrial, on_trial
-from sonarmap.tools.products.output.upside_down import Cloud, scan_clouds
+from sonarmap.tools.products.output.upside_down import scan_clouds
 
 _FIRST = 10  # scans from which the voxel is chosen, or
 _FIRST_SECONDS = 3.0  # the scans of this time [s]
@@ -118,7 +119,7 @@ class _Mapping:
         self._behind = Mark()  # position in the input after the previous scan
         self._trial = ScansOnTrial()
         self._examined: tuple[int, float] = (0, 0.0)  # number of scans when they were last examined, and stamp
-        self._wrong: list[str] = []  # with the instruments, by the last decision
+        self._wrong = deque[str]()  # what is wrong with the instruments, removed when shown
 
     def run(self) -> None:
         kept = list(kept_keys(self._settings.out, self._alert))
@@ -235,42 +236,37 @@ class _Mapping:
     def _examine(self, scans: Sequence[Scan], ended: bool = False) -> None:
         """Put new scans on trial, and report what is wrong with the sonar from time to time."""
         for scan in scans:
-            self._trial.add(scan, scan.stamp, span=span_of(scan))
+            is_time = are_times(np.array([scan.stamp]))  # and not a number
+            self._trial.add(scan, scan.stamp if is_time else None, span=span_of(scan))
         count, stamp = self._state.scans + len(scans), scans[-1].stamp if scans else 0.0
         before = self._examined
         if ended or count - before[0] >= _TRIAL_SCANS or abs(stamp - before[1]) >= _TRIAL_SECONDS:
             self._examined = count, stamp
-            for words in on_trial(Evidence(self._trial)):
-                self._alert(words)
-
-    def _examine_decision(self, growing: GrowingMap) -> list[str]:
-        """What is wrong with the instruments, by navigation and the last decision."""
-        navigation, last = self._settings.navigation, growing.last
-        of_files = [] if navigation is None else navigation.faults
-        if last is None or len(last.steps) < LEAST_PAIRS:
-            return on_trial(Evidence(of_files=of_files))
-        if navigation is None:
-            return on_trial(Evidence(result=last.result))
-
-        def clouds() -> list[Cloud]:
-            points = [_thinned(cell_means(key.points, growing.voxel), _EXAMINED) for key in last.keys]
-            return scan_clouds(last.result, points)
-
-        named = navigation.priors.named or "what recordings measured"
-        measured = MeasuredScans(last.keys, named, navigation.place)
-        return on_trial(
-            Evidence(of_files=of_files, measured=measured, free=last.steps, result=last.result, clouds=clouds)
-        )
+            self._wrong.extend(on_trial(Evidence(self._trial)))
 
     def _decide(self, growing: GrowingMap) -> None:
-        begun = time.perf_counter()
+        """Decide, and put the instruments on trial: before by the navigation and the steps, after by all poses."""
+        begun, navigation = time.perf_counter(), self._settings.navigation
+        if (known := growing.known()) is None:
+            return
+        evidence = Evidence()
+        if navigation is not None:
+            measured = MeasuredScans(
+                known.keys, navigation.priors.named or "what recordings measured", navigation.place
+            )
+            evidence = Evidence(of_files=navigation.faults, measured=measured, free=known.steps)
+        self._wrong.extend(on_trial(evidence))
         try:
-            growing.decide()
+            result = growing.decide(known)
         except InputError as error:  # the journal cannot be written
             self._alert(f"registrations cannot be saved: {error}")
             growing.forget_journal()
-            growing.decide()
-        self._wrong = self._examine_decision(growing)
+            result = growing.decide(known)
+        if result is not None and len(known.steps) >= LEAST_PAIRS:
+            points = (_thinned(cell_means(key.points, growing.voxel), _EXAMINED) for key in known.keys)
+            self._wrong.extend(
+                on_trial(replace(evidence, result=result, clouds=lambda: scan_clouds(result, [*points])))
+            )
         growing.seconds = time.perf_counter() - begun
 
     def _end_deciding(self) -> None:
@@ -284,11 +280,15 @@ class _Mapping:
         except Exception as error:  # noqa: BLE001 - such as wrong navigation, of which there is more later
             self._alert(f"loops are not closed: {error}")
         self._deciding, self._decided = None, time.monotonic()
-        for words in self._wrong:
-            self._alert(words)
+        self._show_wrong()
+
+    def _show_wrong(self) -> None:
+        while self._wrong:
+            self._alert(self._wrong.popleft())
 
     def _decide_if_due(self, growing: GrowingMap) -> None:
         """Show the last decision, and start another in the background if enough key scans are new."""
+        self._show_wrong()
         if self._deciding is not None and not self._deciding.done():
             return
         self._end_deciding()

@@ -64,6 +64,7 @@ class AtOnce:
             done.set_result(None if self._ended() else decide(growing))
         except Exception as error:  # noqa: BLE001 - for who waits for the result
             done.set_exception(error)
+        growing.seconds = 0.0  # the next one need not wait
         return done
 
 
