@@ -86,14 +86,16 @@ def _of_clock(stamps: np.ndarray, unread: int) -> Iterator[str]:
 
 
 def _lost(steps: np.ndarray, period: float) -> int:
-    """Number of scans that are missing in steps (n,) [s] of usually one period; 0 if steps are uneven, or few long."""
+    """Number of scans that are missing in steps (n,) [s] of usually one period; 0 if steps are uneven, or long ones
+    are few, or follow each other as at another rate."""
     if len(steps) < _MIN_STEPS or not period:
         return 0
     number = np.rint(steps / period)
     gaps = (number >= 2) & (number <= _PAUSE)
     even = np.abs(steps / period - number) <= _EVEN
     many = gaps.sum() >= max(_MIN_GAPS, _MIN_LOST * len(steps))
-    return int((number[gaps] - 1).sum()) if many and even.mean() >= _MOSTLY else 0
+    scattered = (gaps[1:] & gaps[:-1]).sum() <= gaps.sum() / 2
+    return int((number[gaps] - 1).sum()) if many and scattered and even.mean() >= _MOSTLY else 0
 
 
 @dataclass(frozen=True, slots=True)

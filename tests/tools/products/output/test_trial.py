@@ -37,6 +37,7 @@ def found_in(stamps: np.ndarray, points: Callable[[int], int] = lambda k: k, unr
         np.concatenate([EVEN, EVEN + 300, EVEN + 700]),  # three lines
         EVEN[:3],
         np.delete(EVEN, [40, 60]),  # two of a hundred
+        np.delete(EVEN, np.arange(60, 90, 2)),  # half of the rate for some time, as at a longer range
     ],
 )
 def test_nothing_is_claimed_of_ordinary_scans(stamps: np.ndarray) -> None:
