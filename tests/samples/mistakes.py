@@ -111,7 +111,10 @@ MISTAKES: dict[str, tuple[Callable[[SimulatedDive], SimulatedDive], str]] = {
         r"heading_deg turned by -?2\d degrees|headings fit if .?2\d\.\d degrees",
     ),
     "depth's sign": (lambda dive: dive.column(DEPTH, lambda d: -d), r"depth_m with the opposite sign"),
-    "log 2 s late": (lambda dive: replace(dive, times=dive.times + 2), r"--nav-offset"),
+    "log 2 s late": (
+        lambda dive: replace(dive, times=dive.times + 2),
+        r"the rows (of the scans|\d+ scans) before|times are [\d.]+ s earlier",
+    ),
     "log in local time": (lambda dive: replace(dive, times=dive.times + 3600), r"local time.*--nav-offset"),
     "clock set back": (
         lambda dive: dive.each(lambda scan, k: replace(scan, stamp=scan.stamp - 3600 * (k >= 30))),

@@ -118,7 +118,8 @@ class _Mapping:
         self._store = PointStore(_IN_MEMORY)
         self._behind = Mark()  # position in the input after the previous scan
         self._trial = ScansOnTrial()
-        self._examined: tuple[int, float] = (0, 0.0)  # number of scans when they were last examined, and stamp
+        # number of scans when they were last examined, and stamp of the last one; None at the beginning
+        self._examined: tuple[int, float] | None = None
         self._wrong = deque[str]()  # what is wrong with the instruments, removed when shown
 
     def run(self) -> None:
@@ -239,7 +240,7 @@ class _Mapping:
             is_time = are_times(np.array([scan.stamp]))  # and not a number
             self._trial.add(scan, scan.stamp if is_time else None, span=span_of(scan))
         count, stamp = self._state.scans + len(scans), scans[-1].stamp if scans else 0.0
-        before = self._examined
+        before = self._examined = self._examined or (count, stamp)
         if ended or count - before[0] >= _TRIAL_SCANS or abs(stamp - before[1]) >= _TRIAL_SECONDS:
             self._examined = count, stamp
             self._wrong.extend(on_trial(Evidence(self._trial)))

@@ -24,7 +24,7 @@ from sonarmap.tools.command.navigation import NavigationReading, OdometryFile, P
 from sonarmap.tools.files.readers.incoming import Incoming, Mark
 from sonarmap.tools.files.readers.scans import AS_RECORDED
 from sonarmap.tools.products.live.messages import State
-from tests.samples.mistakes import MISTAKES, START, SimulatedDive, simulated_dive
+from tests.samples.mistakes import MISTAKES, SimulatedDive, simulated_dive
 
 # A survey boat with an eclipse, an inspection at a close range, a vehicle in a tank: fixes [m], lever arm [m]
 SCENES = {"harbor": (0.5, 5.0), "manifold": (0.5, 1.5), "pool": (0.1, 1.0)}
@@ -70,11 +70,11 @@ class AtOnce:
 
 def alerts(
     dive: SimulatedDive, folder: Path, monkeypatch: pytest.MonkeyPatch, until: str = "$^", with_log: bool = True
-) -> dict[str, float]:
-    """The alerts of a replay, with the time into the dive of the last scan placed by then [s]. The replay ends early
-    when an alert matches `until`."""
+) -> dict[str, int]:
+    """The alerts of a replay, with the number of scans placed by then, one a second. The replay ends early when an
+    alert matches `until`."""
     log = dive.write_log(folder / "log.csv") if with_log else None
-    said = dict[str, float]()
+    said = dict[str, int]()
 
     def ended() -> bool:
         return any(re.search(until, words) for words in said)
@@ -100,7 +100,7 @@ def alerts(
         while (message := pipe.recv()) is not None:
             assert not isinstance(message, Exception), message
             for words in message.alerts if isinstance(message, State) else ():
-                said.setdefault(words, (message.stamp or START) - START)
+                said.setdefault(words, message.scans)
 
     reader, before = Thread(target=receive), getsignal(SIGINT)
     reader.start()
@@ -127,7 +127,7 @@ def test_a_mistake_is_found_in_the_first_minute(
     said = alerts(change(clean_dive(scene)), tmp_path, monkeypatch, words)
     found = {each: when for each, when in said.items() if re.search(words, each)}
     for each, when in said.items():
-        print(f"{scene} | {mistake} | {'found' if each in found else 'also'} | {when:.0f} s | {each[:400]}")
+        print(f"{scene} | {mistake} | {'found' if each in found else 'also'} | {when} s | {each[:400]}")
     if not said:
         print(f"{scene} | {mistake} | nothing")
     assert found
