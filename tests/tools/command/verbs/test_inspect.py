@@ -1,5 +1,6 @@
 """`sonarmap inspect`: summaries of recordings, scans and logs, in words and as JSON."""
 
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -204,3 +205,13 @@ def test_clouds_in_csv_are_scans_and_invalid_logs_are_refused(log: Path, tmp_pat
     nmea = tmp_path / "ship.nmea"
     nmea.write_text("$GPGGA,093000.00,6000.0000,N,00500.0000,E,1,08,1.0,0.0,M,,M,,*5B\n")
     assert sonarmap("inspect", nmea).exit_code == 2  # its times have no date
+
+
+def test_a_sonar_that_hangs_is_named_by_inspect_and_map(tmp_path: Path) -> None:
+    names = [f"scan_{k}" for k in range(7)]
+    inputs = write(tmp_path, **{name: scan(min(k, 3)) for k, name in enumerate(names)})
+    words = "3 of 7 scans repeat an earlier one point for point, the first scan_4"
+    assert any(note.startswith(words) for note in as_json(*inputs)["notes"])
+    said(sonarmap("map", *inputs, "-o", tmp_path / "out", "--grid", "64", "--no-report"), words)
+    warnings = json.loads((tmp_path / "out" / "summary.json").read_text())["warnings"]
+    assert any(warning.startswith(words) for warning in warnings)
