@@ -103,7 +103,7 @@ class MeasuredScans:
     """Scans with what navigation measured."""
 
     scans: Sequence[Scan]  # with priors
-    named: object = "what recordings measured"  # the files, in words
+    named: str = "what recordings measured"  # the files, in words
     georeference: Georeference | None = None  # of the priors' positions
 
     @property
