@@ -95,12 +95,9 @@ def command(
     and the page becomes its report; `sonarmap map OUT/recording -o OUT` with more options makes it again. A separate
     process records data from the network to OUT/recording. If started again with the same OUT, the dive continues.
     """
-    from sonarmap.tools.command.live.kept_keys import clear
     from sonarmap.tools.command.live.mapping import MappingSettings
     from sonarmap.tools.command.live.navigation import NAME, Navigation
     from sonarmap.tools.command.live.recording import FOLDER
-    from sonarmap.tools.files.map_folder.names import REPORT
-    from sonarmap.tools.files.readers.incoming import final_path
     from sonarmap.tools.products.live.server import LivePage
 
     inputs, out = source or [], output.out
@@ -124,27 +121,37 @@ def command(
     stamps = () if inputs else (time.time(),)
     map_verb.check_options(output, method, earth, given(known) | given(odometry), stamps, may_be_placed)
 
-    def finish(output: MapOutput, earth: EarthPlace) -> None:
-        map_verb.command(
-            mapped, output, method, known, points, odometry, reading, survey,
+    def finish(mapped: list[str]) -> None:
+        use, read = known, reading
+        if live.nmea is not None and not _has_navigation(out / NAME):
+            use, read = PriorsFile(), NavigationReading() if odometry.odometry is None else reading
+        make = lambda output, earth: map_verb.command(  # noqa: E731
+            mapped, output, method, use, points, odometry, read, survey,
             TiesAndControl(), earth, ExecutionOptions(), imu=imu, check_priors=True, patch_test=False,
             as_json=as_json, quiet=quiet,
         )  # fmt: skip
+        _make_map(make, output, earth, mapped)
 
     with LivePage(live.bind, live.port) as page:
         _follow(settings, live, page, listening, not inputs, quiet or as_json)
-        mapped = [str(final_path(Path(name))) for name in settings.inputs]
-        if not _has_scans(mapped):
-            clear(out)
-            warn("no scan came, and there is no map")
-            raise typer.Exit(NOTHING_CAME)
-        if not live.finish:
-            return
-        if live.nmea is not None and not _has_navigation(out / NAME):
-            known, reading = PriorsFile(), NavigationReading() if odometry.odometry is None else reading
-        with _shown(page, out / REPORT):
-            _make_map(finish, output, earth, mapped)
-        clear(out)
+        _finish(settings, live.finish, page, finish)
+
+
+def _finish(settings: "MappingSettings", maps: bool, page: "LivePage", finish: Callable[[list[str]], None]) -> None:
+    """After a dive, make the map of its files with `finish`, if wanted, and show its report."""
+    from sonarmap.tools.command.live.kept_keys import clear
+    from sonarmap.tools.files.map_folder.names import REPORT
+    from sonarmap.tools.files.readers.incoming import final_path
+
+    mapped = [str(final_path(Path(name))) for name in settings.inputs]
+    if not _has_scans(mapped):
+        clear(settings.out)
+        warn("no scan came, and there is no map")
+        raise typer.Exit(NOTHING_CAME)
+    if maps:
+        with _shown(page, settings.out / REPORT):
+            finish(mapped)
+        clear(settings.out)
 
 
 @contextmanager
