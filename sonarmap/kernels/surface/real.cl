@@ -37,7 +37,7 @@ typedef float8 real8;
 #define JACOBIAN 6
 #define SYSTEMATIC 42
 #define SHORTEST 78
-#define BELIEVED 114
+#define LIMITS 114
 #define TERM 116
 
 static float16 pose_of(__global const real* const record) {

@@ -153,7 +153,7 @@ static void product(real A[6][6], real B[6][6], const bool transposed, real out[
 }
 
 // Rows whose outer products sum up to the covariance of the pose by the planes, without rare large errors, but larger in
-// directions that noise alone seems to constrain; `variance` is that of the gaps, of which `usual` is not due to such
+// directions that noise alone seems to constrain; `variance` is that of the gaps, and `usual` its share without these
 // errors.
 static void planes_root(__global const real* const sums, const int stretches, const real held, const real variance,
                         const real usual, real root[6][6]) {
@@ -178,7 +178,7 @@ static void planes_root(__global const real* const sums, const int stretches, co
 }
 
 // Change the step by the pairs alone to that by pairs and instruments, whose residuals are `off`, by the Kalman gain. If
-// the pose by the pairs deviates from the measurement by more than `BELIEVED`, a chi-squared, their covariance grows
+// the pose by the pairs deviates from the measurement by more than the first of `LIMITS`, their covariance grows
 // along the shortest step that explains this, which changes the gain by the formula of Sherman and Morrison.
 static void combine(real root[6][6], __global const real* const off, __global const real* const term, real step[6]) {
     real covariance[6][6], J[6][6], JC[6][6], together[6][6], there[6], x[6];
@@ -198,9 +198,9 @@ static void combine(real root[6][6], __global const real* const off, __global co
     solve6(together, there, x, 1);
     real squared = 0;
     for (int i = 0; i < 6; ++i) squared += there[i] * x[i];
-    const real believed = term[BELIEVED], distorted = term[BELIEVED + 1];
-    const real factor = fmax(squared - believed, (real)0) / fmax(distorted - squared, distorted / UNKNOWN);
-    const real added = factor * squared / fmax(squared, believed);
+    const real lower = term[LIMITS], upper = term[LIMITS + 1];
+    const real factor = fmax(squared - lower, (real)0) / fmax(upper - squared, upper / UNKNOWN);
+    const real added = factor * squared / fmax(squared, lower);
     for (int i = 0; i < 6; ++i)
         for (int j = 0; j < 6; ++j)
             step[i] -= (JC[j][i] * x[j] + added * term[SHORTEST + i * 6 + j] * there[j]) / (1 + added);

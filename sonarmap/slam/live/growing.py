@@ -31,7 +31,7 @@ _MAX_WAIT = 1.0  # of a pair of the background thread [s]
 class Known:
     """What is known about the key scans at one time."""
 
-    keys: Sequence[Scan]  # with the priors that navigation gives by then
+    keys: Sequence[Scan]  # with their priors at that time
     surveys: np.ndarray  # (N,) number of each one's survey
     steps: Sequence[RegisteredPair]  # consecutive ones, registered without the navigation
     odometry: Odometry | None

@@ -26,7 +26,7 @@ from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 _TEXTS = (".csv", ".txt", ".tum", ".nmea", ".log")  # files whose last line may be incomplete
 
 
-_GRACE = 10.0  # time for which a file may be unreadable, as one that has just begun [s]
+_GRACE = 10.0  # a file may be unreadable for this time, for example while it is created [s]
 
 
 @dataclass(slots=True)

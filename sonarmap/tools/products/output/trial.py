@@ -1,7 +1,7 @@
-"""Instruments on trial: what is wrong with the sonar and the navigation, by all that is known so far.
+"""Instruments on trial: faults of the sonar and the navigation, by the evidence so far.
 
-`inspect` knows the scans alone, `map` also the navigation, later free registrations, at last the map; `live` asks again
-and again while all of these grow.
+`inspect` has scans only. `map` adds navigation, registrations without priors, and the finished map. `live` repeats the
+trial during the dive.
 """
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
@@ -29,7 +29,7 @@ from sonarmap.tools.products.output.faults import instrument_faults
 from sonarmap.tools.products.output.upside_down import Cloud, upside_down
 
 _MIN_REPEATS, _MIN_REPEATED = 3, 0.05  # number and share of repeated scans that are reported
-_MIN_STEPS = 16  # between scans, from which lost ones show
+_MIN_STEPS = 16  # between scans, from which lost scans are counted
 _MIN_GAPS, _MIN_LOST = 3, 0.05  # number and share of gaps between scans that are reported
 _EVEN, _MOSTLY = 0.2, 0.9  # steps are whole numbers of periods up to this share of one; share of the steps
 _PAUSE = 10  # periods: a longer gap is a pause
@@ -66,7 +66,7 @@ class ScansOnTrial:
         if len(self._repeated) >= max(_MIN_REPEATS, _MIN_REPEATED * len(self._times)):
             yield (
                 f"{len(self._repeated)} of {len(self._times)} scans repeat an earlier one point for point, the first "
-                f"{self._repeated[0]}, as of a sonar or driver that hangs: restart it, and leave these scans out"
+                f"{self._repeated[0]}: the sonar or its driver hangs. Restart it, and leave these scans out"
             )
         for stamps in self._stamps.values():
             yield from _of_clock(np.array(stamps), unread)
@@ -151,11 +151,11 @@ class Evidence:
 
 
 def on_trial(evidence: Evidence) -> list[str]:
-    """What is wrong with the instruments, one sentence each, with the option or setting that corrects it."""
+    """Faults of the instruments, one sentence each, with the option or setting that corrects it."""
     measured, result = evidence.measured, evidence.result
     words = [*evidence.scans.found(evidence.unread), *evidence.of_files]
     if measured is not None and (found := measured.contradiction(evidence.free)) is not None:
-        return [*words, measured.in_words(found)]  # what follows from it in the map is not said
+        return [*words, measured.in_words(found)]  # faults of the map are its consequences
     if result is None:
         return words
     if measured is not None:
