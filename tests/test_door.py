@@ -258,7 +258,7 @@ class TestArguments:
             (lambda: api.read_scans("a.ply", range_scale=0.0), "`range_scale=0` is not a factor"),
             (lambda: api.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
             (lambda: api.read_scans("a.ply", sound_speed=15.0), "`sound_speed=15` is not a speed of sound in water"),
-            (lambda: api.read_scans("a.ply", frame="enu"), "'enu' is not known; choose one of flu, frd, rdf, ned"),
+            (lambda: api.read_scans("a.ply", frame="fud"), "'fud' is not known; name the directions of x, y and z"),
             (lambda: api.read_scans("a.ply", units="inch"), "'inch' is not known; choose one of m, cm"),
             (lambda: api.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
             (lambda: api.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal' or 'given'"),

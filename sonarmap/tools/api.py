@@ -370,8 +370,9 @@ def read_scans(
         sound_speed: true speed of sound [m/s]; the ranges of each scan of a .sonar file are multiplied by its ratio to
             the recorded one. None if the recorded one is right.
         range_scale: another factor on the ranges, for files of any format.
-        frame: axes of the points in the files, as in `--frame`: "flu", "frd", "rdf" or "ned"; None for
-            what the file says, as by the name of a frame, and "flu" for others.
+        frame: directions of x, y, z of the points in the files, a letter each, as in `--frame`: "flu" (forward, left,
+            up), "frd", "rdf", "ned" and so on; None for what the file says, as by the name of a frame, and "flu" for
+            others.
         units: unit of the points in the files, as in `--units`: "m", "cm", "mm", "ft" or "us-ft"; None for meters,
             if the points look like these.
         min_range: points at this distance from the sensor or nearer are left out [m], as no returns.

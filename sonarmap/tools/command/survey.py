@@ -153,8 +153,8 @@ class PointReading:
     range_scale: float | None = INPUT.option("F", "Multiply all ranges by F, in any format.", rare=True, shown="1")
     frame: str | None = INPUT.option(
         "NAME",
-        "Axes of the points in the files: flu (forward, left, up), frd (forward, right, down), rdf (right, down, "
-        "forward, as of cameras) or ned (North, East, Down, for scans that were leveled and turned North).",
+        "Directions of x, y, z of the points in the files, a letter each, such as flu (forward, left, up), frd, rdf "
+        "(cameras), fru (left-handed), or ned (North, East, Down, for scans that were leveled and turned North).",
         shown="as the file says, or flu",
     )
     units: str | None = INPUT.option(

@@ -13,6 +13,7 @@ from sonarmap.slam.motion.sweep import Sweep, span_of
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.clouds import moved
+from sonarmap.tools.files.readers.clouds.axes import axes_matrix
 from sonarmap.tools.files.readers.clouds.cloud import Bounds, Cloud, Note, PingPatch, refuse_other_unit, scan_of_cloud
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
 from sonarmap.tools.files.readers.pings.line_file import AS_LINES, LineReading
@@ -25,13 +26,6 @@ _ARRAYS = ("points", "strength", "viewpoints", "times")  # array attributes of a
 _TEXTS = (".txt", ".csv")  # suffixes of text files, which may hold points or anything else
 _SHOWN = 100  # progress is reported after this number of scans of a file
 SOUND_SPEEDS = (1000.0, 2000.0)  # accepted range [m/s]; in water it is 1400 to 1600
-# Axes of the points in a file -> rows of R_flu_file: forward, left and up in the file's axes.
-FRAMES = {
-    "flu": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),  # x forward, y left, z up
-    "frd": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # x forward, y right, z down
-    "rdf": ((0, 0, 1), (-1, 0, 0), (0, -1, 0)),  # x right, y down, z forward, as of cameras
-    "ned": ((0, 1, 0), (1, 0, 0), (0, 0, -1)),  # x North, y East, z down: scans that were leveled and turned North
-}
 # Name -> meters. The US survey foot is 1200/3937 m.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
 
@@ -40,15 +34,15 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
 class PointFrame:
     """The axes and the unit of the points in files."""
 
-    # a name of FRAMES; None for those that the file tells, otherwise flu. The points of "ned" become East-North-Up, of
-    # the others forward-left-up.
+    # as of `axes_matrix`; None for those that the file tells, otherwise flu
     axes: str | None = None
     unit: str | None = None  # a name of UNITS; None for meters that nobody named
 
     def __post_init__(self) -> None:
-        for given, known in ((self.axes, FRAMES), (self.unit, UNITS)):
-            if given is not None and given not in known:
-                raise InputError(f"{given!r} is not known; choose one of {', '.join(known)}")
+        if self.axes is not None:
+            axes_matrix(self.axes)
+        if self.unit is not None and self.unit not in UNITS:
+            raise InputError(f"{self.unit!r} is not known; choose one of {', '.join(UNITS)}")
 
     def turned(self, cloud: Cloud) -> Cloud:
         """The cloud with points and viewpoints in meters, x forward, y left, z up."""
@@ -59,7 +53,7 @@ class PointFrame:
         return cloud if cloud.T_base_flu is None else moved(cloud, cloud.T_base_flu)
 
     def _turned(self, points: np.ndarray, axes: str) -> np.ndarray:
-        R_flu_file = np.array(FRAMES[axes])
+        R_flu_file = axes_matrix(axes)
         with np.errstate(invalid="ignore", over="ignore"):  # points that are not finite are dropped later
             # columns are permuted, as a matrix product would spread NaN over the other axes
             columns = points[:, np.abs(R_flu_file).argmax(axis=1)].astype(np.float64)

@@ -8,7 +8,7 @@ import pytest
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.scans import FRAMES, Corrections, PointFrame, read_scans, read_survey
+from sonarmap.tools.files.readers.scans import Corrections, PointFrame, read_scans, read_survey
 from tests.samples.cloud_files import TABLE
 from tests.samples.recordings import range_image
 from tests.samples.refusals import refuses
@@ -68,12 +68,16 @@ def test_a_shot_without_a_sound_speed_leaves_a_gap(tmp_path: Path) -> None:
     assert "dive.sonar#1: it does not say the speed of sound" in read.unread[0].reason
 
 
+AXES_UNKNOWN = [(name, "m") for name in ("", "fl", "flux", "flb", "fnu", "FLU", "xyz")]
+
+
 @pytest.mark.parametrize(
     ("made", "given", "words"),
     [
         *((Corrections, (v,), "not a speed of sound in water; wanted 1000 to 2000") for v in (0, 343, 15000, np.nan)),
         *((Corrections, (None, factor), "is not a factor") for factor in (0, -1, np.nan, np.inf)),
-        *((PointFrame, names, "choose one of") for names in (("enu", "m"), ("flu", "inch"), ("", "m"))),
+        *((PointFrame, names, "name the directions of x, y and z") for names in AXES_UNKNOWN),
+        (PointFrame, ("flu", "inch"), "choose one of"),
     ],
 )
 def test_invalid_corrections_are_refused(made: Callable[..., object], given: tuple, words: str) -> None:
@@ -87,15 +91,17 @@ def test_axes_and_units_are_converted_before_ranges_are_scaled(tmp_path: Path) -
 
 
 # 5 m ahead, 2 m to starboard, 1 m below the sensor, as each convention writes it; ned: the sensor looks North
-AHEAD_RIGHT_BELOW = {"flu": (5, -2, -1), "frd": (5, 2, 1), "rdf": (2, 1, 5), "ned": (5, 2, 1)}
+AHEAD_RIGHT_BELOW = {
+    **{"flu": (5, -2, -1), "frd": (5, 2, 1), "rdf": (2, 1, 5), "ned": (5, 2, 1)},
+    **{"fru": (5, 2, -1), "ulb": (-1, -2, -5), "enu": (2, 5, -1), "swd": (-5, -2, 1)},
+}
 
 
-@pytest.mark.parametrize("axes", FRAMES)
+@pytest.mark.parametrize("axes", AHEAD_RIGHT_BELOW)
 def test_axes_of_every_convention_are_converted(axes: str) -> None:
-    wanted = (2, 5, -1) if axes == "ned" else (5, -2, -1)  # East, North, Up; or forward, left, up
+    wanted = (2, 5, -1) if axes in ("ned", "enu", "swd") else (5, -2, -1)  # East, North, Up; or forward, left, up
     cloud = Cloud(np.array([AHEAD_RIGHT_BELOW[axes]], np.float32), viewpoints=np.array([AHEAD_RIGHT_BELOW[axes]]))
     turned = PointFrame(axes).turned(cloud)
     np.testing.assert_array_equal(turned.points, [wanted])
     assert turned.viewpoints is not None
     np.testing.assert_array_equal(turned.viewpoints, [wanted])
-    np.testing.assert_allclose(np.linalg.det(FRAMES[axes]), 1)  # no convention mirrors

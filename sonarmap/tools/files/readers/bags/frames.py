@@ -11,13 +11,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.recording import TRANSFORMS, Recording, decode, refused
 from sonarmap.tools.files.readers.bags.series import BASE, up_in
+from sonarmap.tools.files.readers.clouds.axes import axes_matrix
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.instruments import LARGEST
 
 DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
-# Rotations to x forward, y left, z up. Optical frames have x right, y down, z forward.
-_OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-_R_FLU = {"flu": Rotation.identity(), "frd": DOWN, "rdf": _OPTICAL}
 _AXES = {"_optical_frame": "rdf", "_optical": "rdf", "_frd": "frd", "_ned": "frd"}  # by suffix of a frame's name
 # Water Linked's driver of the Sonar 3D-15 publishes z down in this frame and topic, and a fork of it z up.
 _OPEN_FRAME, _OPEN_TOPIC = "sonar_frame", "sonar_point_cloud"
@@ -83,7 +81,7 @@ class Frames:
     def T_base(self, frame: str) -> RigidTransform:
         """T_base_frame to base_link if tf_static has it, otherwise the rotation to x forward, y left, z up."""
         axes, T_base_flu = self._axes_and_mount(frame)
-        return T_base_flu * RigidTransform.from_rotation(_R_FLU[axes or "flu"])
+        return T_base_flu * RigidTransform.from_rotation(Rotation.from_matrix(axes_matrix(axes or "flu")))
 
     def placed(self, cloud: Cloud, frame: str, topic: str) -> Cloud:
         """The cloud with its axes, and its place in base_link if tf_static has it."""
@@ -92,7 +90,7 @@ class Frames:
         return replace(cloud, axes=axes or "flu", question=question, T_base_flu=T_base_flu)
 
     def _axes_and_mount(self, frame: str, topic: str = "") -> tuple[str, RigidTransform]:
-        """The axes of a frame, a key of _R_FLU, or "" if they are not known; and T_base_flu."""
+        """The axes of a frame, as of `axes_matrix`, or "" if they are not known; and T_base_flu."""
         if (frame, topic) in self._known:
             return self._known[frame, topic]
         base, T = self._by_tf(frame)
@@ -103,7 +101,7 @@ class Frames:
             x, y, z = T.translation
             where = f"{x:.3f}, {y:.3f}, {z:.3f} m, with roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} degrees"
             self.notes.append(f"points are in {base}, by tf_static: {frame} is there at {where}")
-            T = T * RigidTransform.from_rotation(_R_FLU[axes].inv())
+            T = T * RigidTransform.from_rotation(Rotation.from_matrix(axes_matrix(axes).T))
         elif suffix:
             self.notes.append(f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says")
         elif not base and (is_named(frame, _OPEN_FRAME) or is_named(topic, _OPEN_TOPIC)):
