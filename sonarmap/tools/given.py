@@ -36,7 +36,7 @@ _OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)")
 # Option -> argument of the same meaning, where the names differ.
 _ARGUMENT_OF = {
     **{"grid": "edge", "mount": "T_vehicle_sensor", "prior_sigmas": "sigmas", "origin_heading": "origin"},
-    **{"magnetic_declination": "declination", "vertical": "origin"},
+    **{"magnetic_declination": "declination", "vertical": "origin", "correct_priors": "correct"},
 }
 _LENGTH = "a length in meters above zero, such as 0.5, or None"
 _CHECKED_WHERE_USED = {"method", "graph"}  # as they may also be objects
@@ -71,6 +71,7 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "max_range": ((Real, *_NONE), _LENGTH),
     "exclude_box": ((Sequence,), "a list of boxes, each x, y, z of two corners in meters"),
     "frame": (_TEXT + _NONE, "the name of axes, such as 'frd'"),
+    "correct": (_TEXT + _NONE, "text, such as 'heading_deg=-heading_deg', or None"),
     "units": (_TEXT + _NONE, "'m', 'cm', 'mm', 'ft' or 'us-ft', or None"),
 }
 

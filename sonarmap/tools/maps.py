@@ -190,6 +190,7 @@ def read_navigation(
     heading_reference: str = "true",
     declination: float | None = None,
     nmea_talker: str | None = None,
+    correct: str | None = None,
 ) -> "Navigated":
     """Add priors to scans: poses that instruments measured, read as in `sonarmap map --priors` (docs/navigation.md).
 
@@ -208,6 +209,7 @@ def read_navigation(
         heading_reference: North of the headings: "true" or "grid".
         declination: added to magnetic headings [rad], East positive; None if the headings are not magnetic.
         nmea_talker: talkers of the NMEA sentences to use, such as "GP,HE"; None for all, which have to agree.
+        correct: what values of the priors shall be, as in `--correct-priors`, such as "heading_deg=-heading_deg".
 
     Returns:
         The scans with priors, and the georeference of their world frame, for `write_map`.
@@ -217,6 +219,7 @@ def read_navigation(
     """
     from types import MappingProxyType
 
+    from sonarmap.tools.files.readers.navigation.correction import Correction
     from sonarmap.tools.files.readers.navigation.priors import navigate
     from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings, parse_talkers
 
@@ -236,6 +239,7 @@ def read_navigation(
         mount=None if T_vehicle_sensor is None else Mount(T_vehicle_sensor),
         sigmas={} if sigmas is None else _sigmas_by_column(sigmas),
         talkers=() if nmea_talker is None else parse_talkers(nmea_talker),
+        correction=None if correct is None else Correction.of(correct),
     )
     return navigate(as_survey(scans), [Path(each) for each in paths], settings)
 

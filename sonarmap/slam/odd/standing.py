@@ -39,6 +39,11 @@ class StandingPart:
     nearest: float  # range [m]
     share: float  # of the points of the scans that see it
 
+    @property
+    def corners(self) -> str:
+        """The box as --exclude-box takes it."""
+        return ",".join(f"{corner:g}" for corner in self.box)
+
 
 @dataclass(slots=True)
 class StandingParts:
@@ -117,7 +122,7 @@ class StandingParts:
 
 def in_words(parts: Sequence[StandingPart]) -> str:
     """A warning of parts, with the options that leave them out."""
-    options = " ".join(f"--exclude-box {','.join(f'{corner:g}' for corner in part.box)}" for part in parts)
+    options = " ".join(f"--exclude-box {part.corners}" for part in parts)
     share, nearest = sum(part.share for part in parts), parts[0].nearest
     return (
         f"{counted(len(parts), 'object')} from {nearest:.2g} m on, with {100 * share:.0f} % of the points, "

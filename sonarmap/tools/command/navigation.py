@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.pair import RegisteredPair
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo import Georeference
+    from sonarmap.tools.files.readers.navigation.correction import Correction
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.navigation.settings import NavFrame, NavigationSettings
     from sonarmap.tools.files.time_scales import TimeScale
@@ -43,9 +44,15 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
     return dict(zip(COLUMNS, sigmas, strict=True))
 
 
+def _parse_correction(text: str) -> "Correction":
+    from sonarmap.tools.files.readers.navigation.correction import Correction
+
+    return Correction.of(text)
+
+
 @dataclass(frozen=True, slots=True)
 class PriorsFile:
-    """--priors and --prior-sigmas: measured poses of the scans."""
+    """--priors, and what is to be known about it: measured poses of the scans."""
 
     priors: list[Path] = NAVIGATION.option(
         "FILE",
@@ -59,11 +66,22 @@ class PriorsFile:
         "Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
         callback=refused_by(parse_prior_sigmas),
     )
+    correct_priors: str | None = _rare(
+        "COLUMN=...",
+        "What values of the priors shall be, in the columns of a CSV, as heading_deg=-heading_deg or "
+        "x_m=0.3048*x_m,y_m=0.3048*y_m. Messages about a mistake in the navigation say what corrects it.",
+        callback=refused_by(_parse_correction),
+    )
 
     @property
     def sigmas(self) -> dict[str, float] | None:
         """Standard deviations of --prior-sigmas by column; None without the option."""
         return parse_prior_sigmas(self.prior_sigmas) if self.prior_sigmas else None
+
+    def applied(self, settings: "NavigationSettings") -> "NavigationSettings":
+        """The settings with these options."""
+        correction = None if self.correct_priors is None else _parse_correction(self.correct_priors)
+        return replace(settings, sigmas=self.sigmas or settings.sigmas, correction=correction)
 
     @property
     def named(self) -> str:
@@ -185,7 +203,7 @@ def scans_with_priors(
 
     with_imu = sum(scan.prior is not None for scan in scans)
     if not file.priors:
-        refuse_without("--priors", {"--prior-sigmas": file.prior_sigmas})
+        refuse_without("--priors", {"--prior-sigmas": file.prior_sigmas, "--correct-priors": file.correct_priors})
         note = "roll and pitch are those of the recording's own IMU" if use_imu else "their own IMU is not used"
     else:
         note = f"the recording's own IMU is not used, as {file.named} is given"
@@ -195,7 +213,7 @@ def scans_with_priors(
         scans = [scan if scan.prior is None else replace(scan, prior=None) for scan in scans]
     if not file.priors:
         return Navigated(tuple(scans), settings.origin)
-    settings = replace(settings, sigmas=file.sigmas or settings.sigmas)
+    settings = file.applied(settings)
     notes = list[str]()
     navigated = navigate(scans, file.priors, settings, allow_unknown, notes)
     bare = [scan.name for scan in navigated.scans if scan.prior is None]
@@ -217,6 +235,6 @@ def refusing(measured: "MeasuredScans") -> "Callable[[Sequence[RegisteredPair]],
 
     def vet(free: "Sequence[RegisteredPair]") -> None:
         if (found := measured.contradiction(free)) is not None:
-            raise ContradictedError(f"{measured.in_words(found)} (docs/navigation.md)")
+            raise ContradictedError(f"{measured.finding(found).words} (docs/navigation.md)")
 
     return vet

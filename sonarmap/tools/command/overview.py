@@ -150,7 +150,7 @@ def overview_of(
         notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
     overview.sweep = Sweep.of(spans, times)
     overview.notes += [*file_notes, *stamp_notes, *overview.sweep.notes, *notes]
-    found = on_trial(Evidence(overview.trial, len(overview.unread)))
+    found = [each.words for each in on_trial(Evidence(overview.trial, len(overview.unread)))]
     overview.notes += [words for words in found if not any(note.endswith(words) for note in overview.notes)]
     overview.lines += [line_overview(path, corrections.lines) for path in dict.fromkeys(of_lines)]
     return overview

@@ -34,6 +34,7 @@ from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
 from sonarmap.tools.command.live.navigation import Navigation
 from sonarmap.tools.command.method import MethodOptions, configure_method
+from sonarmap.tools.files.finding import Finding, Remedy
 from sonarmap.tools.files.map_folder.names import JOURNAL
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, replayed
 from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS
@@ -120,7 +121,7 @@ class _Mapping:
         self._trial = ScansOnTrial()
         # number of scans when they were last examined, and stamp of the last one; None at the beginning
         self._examined: tuple[int, float] | None = None
-        self._wrong = deque[str]()  # what is wrong with the instruments, removed when shown
+        self._wrong = deque[Finding]()  # what is wrong with the instruments, removed when shown
 
     def run(self) -> None:
         kept = list(kept_keys(self._settings.out, self._alert))
@@ -228,11 +229,11 @@ class _Mapping:
         except (InputError, OSError) as error:
             self._alert(f"the map grows in memory only, and is lost if the mapping is killed: {error}")
 
-    def _alert(self, words: str) -> None:
+    def _alert(self, words: str, remedies: Sequence[Remedy] = ()) -> None:
         """Add an alert, if none before it differs only in its numbers, which change as the map grows."""
-        words = as_options(words)
-        if _without_numbers(words) not in map(_without_numbers, self._state.alerts):
-            self._state = replace(self._state, alerts=(*self._state.alerts, words))
+        words, state = as_options(words), self._state
+        if _without_numbers(words) not in map(_without_numbers, state.alerts):
+            self._state = replace(state, alerts=(*state.alerts, words), remedies=(*state.remedies, *remedies))
 
     def _examine(self, scans: Sequence[Scan], ended: bool = False) -> None:
         """Put new scans on trial, and report what is wrong with the sonar from time to time."""
@@ -252,9 +253,8 @@ class _Mapping:
             return
         evidence = Evidence()
         if navigation is not None:
-            measured = MeasuredScans(
-                known.keys, navigation.priors.named or "what recordings measured", navigation.place
-            )
+            axes = self._settings.corrections.frame.axes
+            measured = MeasuredScans(known.keys, navigation.priors.named, navigation.place, axes)
             evidence = Evidence(of_files=navigation.faults, measured=measured, free=known.steps)
         self._wrong.extend(on_trial(evidence))
         try:
@@ -285,7 +285,7 @@ class _Mapping:
 
     def _show_wrong(self) -> None:
         while self._wrong:
-            self._alert(self._wrong.popleft())
+            self._alert(*self._wrong.popleft())
 
     def _decide_if_due(self, growing: GrowingMap) -> None:
         """Show the last decision, and start another in the background if enough key scans are new."""

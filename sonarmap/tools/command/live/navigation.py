@@ -81,8 +81,7 @@ class Navigation:
 
     def _settings(self) -> NavigationSettings:
         settings = self.reading.settings(*self.priors.priors, self.odometry.odometry, origin=self.origin)
-        # pyrefly: ignore[bad-argument-type]
-        return replace(settings, sigmas=self.priors.sigmas or settings.sigmas, fastest=self.fastest)
+        return replace(self.priors.applied(settings), fastest=self.fastest)
 
 
 @contextmanager

@@ -180,7 +180,7 @@ def command(
     if patch_test:
         settings["patch_test"] = corrections.lines.biases.to_json()
     rates = turn_rates_of(read.files, read.scans) if imu and mapper.straighten else None
-    measured = MeasuredScans(read.scans, priors.named or "what recordings measured", georeference)
+    measured = MeasuredScans(read.scans, priors.named, georeference, corrections.frame.axes)
     vet = refusing(measured) if check_priors else None
     survey_input = SurveyInput(
         read, reckoned, ties, control, georeference, configured, settings, measured, [*found, *navigated.faults], vet,
@@ -206,7 +206,13 @@ def check_options(
 ) -> None:
     """Refuse impossible options before scans are read or received. `files` are the options of files that were given;
     `stamps` and `later` are those of `MapOutput.export_settings`."""
-    for needed, option in (("priors", "prior_sigmas"), ("odometry", "odometry_drift"), ("control", "control_crs")):
+    needs = {
+        "prior_sigmas": "priors",
+        "correct_priors": "priors",
+        "odometry_drift": "odometry",
+        "control_crs": "control",
+    }
+    for option, needed in needs.items():
         if needed not in files:
             refuse_without(f"--{needed}", {f"--{option.replace('_', '-')}": files.get(option)})
     require_method(method)
@@ -262,7 +268,7 @@ def _read_scans(
     trial = ScansOnTrial()
     for scan, survey in () if read.patches else zip(read.scans, read.surveys, strict=True):
         trial.add(scan, scan.stamp, survey)
-    found = on_trial(Evidence(trial, len(read.unread)))
+    found = [each.words for each in on_trial(Evidence(trial, len(read.unread)))]
     for words in found:
         if not any(note.endswith(words) for note in read.notes):
             warn(words)
@@ -309,7 +315,8 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
                 survey.turn_rates,
             )
         made = result
-        result = survey.measured.judged(result, None if survey.vet is None else lambda: map_clouds(made))
+        mistake = survey.measured.mistake(result, None if survey.vet is None else lambda: map_clouds(made))
+        result = result if mistake is None else replace(result, mistake=mistake.words)
         times = survey_times(execution.timings, options.processes)
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times, survey.found)

@@ -286,13 +286,17 @@ def systematic_words(error: Systematic) -> str:
             "corrected so: a lever arm (--mount) or, at a steady speed, a clock's offset (--nav-offset)"
         )
     if error.longer:
-        factor = 1 - error.longer
         words.append(
-            f"positions and depths fit if their distances are multiplied by {1 / factor:.3f}, and were corrected so: "
-            f"ranges are too {'long' if factor < 1 else 'short'}, as with another speed of sound (--range-scale "
-            f"{factor:.3f}, or --sound-speed)"
+            f"positions and depths fit if their distances are multiplied by {1 / (1 - error.longer):.3f}, and were "
+            f"corrected so: ranges are too {'long' if error.longer > 0 else 'short'}, as with another speed of sound "
+            f"(--range-scale {scale_of(error)}, or --sound-speed)"
         )
     return "; and ".join(words)
+
+
+def scale_of(error: Systematic) -> str:
+    """The --range-scale that corrects ranges."""
+    return f"{1 - error.longer:.3f}"
 
 
 def _understated(what: str, times: float, left_out: bool) -> str:

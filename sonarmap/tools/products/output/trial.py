@@ -5,7 +5,7 @@ trial during the dive.
 """
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from hashlib import blake2b
 
 import numpy as np
@@ -16,16 +16,18 @@ from sonarmap.slam.odd.standing import StandingParts, in_words
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.finding import Finding, Remedy
 from sonarmap.tools.files.geo import Georeference
 from sonarmap.tools.files.readers.navigation.contradictions import (
     LEAST_PAIRS,
+    UPSIDE_DOWN,
     Contradiction,
     Registered,
     contradiction,
     contradiction_of_map,
 )
 from sonarmap.tools.files.time_scales import clock_faults, clock_of
-from sonarmap.tools.products.output.faults import instrument_faults
+from sonarmap.tools.products.output.faults import instrument_faults, scale_of, systematic_words
 from sonarmap.tools.products.output.upside_down import Cloud, upside_down
 
 _MIN_REPEATS, _MIN_REPEATED = 3, 0.05  # number and share of repeated scans that are reported
@@ -58,18 +60,18 @@ class ScansOnTrial:
             self._repeated.append(scan.name)
         self._seen.add(key)
 
-    def found(self, unread: int = 0) -> Iterator[str]:
-        """What is wrong, one sentence each; `unread` scans are missing as they could not be read."""
-        yield from Sweep.of(self._spans, self._times).notes
+    def found(self, unread: int = 0) -> Iterator[Finding]:
+        """What is wrong; `unread` scans are missing as they could not be read."""
+        yield from map(Finding, Sweep.of(self._spans, self._times).notes)
         if parts := self.standing.found():
-            yield in_words(parts)
+            yield Finding(in_words(parts), (Remedy("exclude_box", tuple(part.corners for part in parts)),))
         if len(self._repeated) >= max(_MIN_REPEATS, _MIN_REPEATED * len(self._times)):
-            yield (
+            yield Finding(
                 f"{len(self._repeated)} of {len(self._times)} scans repeat an earlier one point for point, the first "
                 f"{self._repeated[0]}: the sonar or its driver hangs. Restart it, and leave these scans out"
             )
         for stamps in self._stamps.values():
-            yield from _of_clock(np.array(stamps), unread)
+            yield from map(Finding, _of_clock(np.array(stamps), unread))
 
 
 def _of_clock(stamps: np.ndarray, unread: int) -> Iterator[str]:
@@ -103,8 +105,9 @@ class MeasuredScans:
     """Scans with what navigation measured."""
 
     scans: Sequence[Scan]  # with priors
-    named: str = "what recordings measured"  # the files, in words
+    named: str = ""  # the files, in words; "" for what recordings measured
     georeference: Georeference | None = None  # of the priors' positions
+    axes: str | None = None  # of the points in files, if they were given
 
     @property
     def _origin(self) -> tuple[float, float] | None:
@@ -122,19 +125,25 @@ class MeasuredScans:
         registered = Registered(np.array(i), np.array(j), T, np.array([each.covariance for each in registrations]))
         return contradiction([scan.prior for scan in self.scans], registered, self._origin)
 
-    def in_words(self, found: Contradiction) -> str:
-        return f"{found}. In {self.named}: {found.remedy}"
+    def finding(self, found: Contradiction) -> Finding:
+        """The mistake with its remedies."""
+        steps = np.diff([scan.stamp for scan in self.scans])
+        remedies = found.remedies(float(np.median(steps)) if len(steps) else 0.0, self.axes or "flu")
+        where = self.named or "what recordings measured"
+        words = f"{found}. In {where}: give {', or '.join(map(str, remedies))}"
+        return Finding(words, tuple(each for each in remedies if self.named and isinstance(each, Remedy)))
 
-    def judged(self, result: SurveyResult, clouds: Callable[[], Sequence[Cloud]] | None) -> SurveyResult:
-        """The map with the mistake that explains why instruments contradict it. Whether it is upside down is asked only
-        with its `clouds`."""
+    def mistake(self, result: SurveyResult, clouds: Callable[[], Sequence[Cloud]] | None) -> Finding | None:
+        """The mistake that explains why instruments contradict a map. Whether it is upside down is asked only with its
+        `clouds`."""
         found = None
         if result.understated:
             priors = [scan.prior for scan in self.scans]
             found = contradiction_of_map(result.solution.graph, priors, tuple(result.understated), self._origin)
         if found is not None:
-            return replace(result, mistake=self.in_words(found))
-        return result if clouds is None else replace(result, mistake=upside_down(result, self.scans, clouds()))
+            return self.finding(found)
+        words = "" if clouds is None else upside_down(result, self.scans, clouds())
+        return Finding(words, (UPSIDE_DOWN,) if self.named else ()) if words else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,14 +159,18 @@ class Evidence:
     clouds: Callable[[], Sequence[Cloud]] | None = None  # its points
 
 
-def on_trial(evidence: Evidence) -> list[str]:
-    """Faults of the instruments, one sentence each, with the option or setting that corrects it."""
+def on_trial(evidence: Evidence) -> list[Finding]:
+    """Faults of the instruments, with the option or setting that corrects each."""
     measured, result = evidence.measured, evidence.result
-    words = [*evidence.scans.found(evidence.unread), *evidence.of_files]
-    if measured is not None and (found := measured.contradiction(evidence.free)) is not None:
-        return [*words, measured.in_words(found)]  # faults of the map are its consequences
+    found = [*evidence.scans.found(evidence.unread), *map(Finding, evidence.of_files)]
+    if measured is not None and (contradicted := measured.contradiction(evidence.free)) is not None:
+        return [*found, measured.finding(contradicted)]  # faults of the map are its consequences
     if result is None:
-        return words
-    if measured is not None:
-        result = measured.judged(result, evidence.clouds)
-    return [*words, *instrument_faults(result, result.names)]
+        return found
+    if measured is not None and (mistake := measured.mistake(result, evidence.clouds)) is not None:
+        found.append(mistake)
+    shared = result.systematic
+    scaled = {} if shared is None or not shared.longer else {systematic_words(shared): scale_of(shared)}
+    for words in instrument_faults(result, result.names):
+        found.append(Finding(words, (Remedy("range_scale", (scaled[words],)),) if words in scaled else ()))
+    return found

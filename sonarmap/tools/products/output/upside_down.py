@@ -14,7 +14,13 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.navigation.contradictions import Registered, added, measured_values, pair_costs
+from sonarmap.tools.files.readers.navigation.contradictions import (
+    UPSIDE_DOWN,
+    Registered,
+    measured_values,
+    pair_costs,
+)
+from sonarmap.tools.files.readers.navigation.correction import Correction
 
 _SAMPLE = 5_000  # points whose surface is fitted
 _MOST = 200_000  # points among which their neighbors are sought
@@ -64,7 +70,7 @@ def upside_down(result: SurveyResult, scans: Sequence[Scan], clouds: Sequence[Cl
     return (
         f"the map may be upside down: {100 * share:.0f} % of its level surfaces lie above the sonar, as no bed does. "
         "The navigation's motion does not show which side is up. If z has the other sign give --frame, if the sonar "
-        "is mounted upside down --mount 180,0,0, and if it is a hull or ice --no-check-priors"
+        f"is mounted upside down {UPSIDE_DOWN}, and if it is a hull or ice --no-check-priors"
     )
 
 
@@ -97,5 +103,6 @@ def _upright_by(result: SurveyResult, scans: Sequence[Scan]) -> float:
         np.array([each.covariance for each in by_scans]),
     )
     values, sigmas = measured_values([scan.prior for scan in scans])
-    given, turned = (pair_costs(each, sigmas, registered)[:, 0].sum() for each in (values, added(180.0, 0)(values)))
+    both = values, Correction.of(UPSIDE_DOWN.values[0])(values)
+    given, turned = (pair_costs(each, sigmas, registered)[:, 0].sum() for each in both)
     return float(turned - given)

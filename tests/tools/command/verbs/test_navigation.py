@@ -208,7 +208,10 @@ def test_a_heading_of_opposite_sign_is_named_and_refused() -> None:
     verdict = wrong.contradiction(free)
     assert verdict is not None
     assert verdict.instead == ("heading_deg with the opposite sign",)
-    with pytest.raises(ContradictedError, match=r"they agree with heading_deg .*In log\.csv: give --nav-frame"):
+    with pytest.raises(
+        ContradictedError,
+        match=r"they agree with heading_deg .*In log\.csv: give --correct-priors heading",
+    ):
         refusing(wrong)(free)
     assert right.contradiction(free) is None
     refusing(right)(free)

@@ -7,6 +7,7 @@ import pytest
 
 from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.finding import Finding, Remedy
 from sonarmap.tools.files.readers.instruments import poses_of
 from sonarmap.tools.products.output.faults import systematic_words
 from sonarmap.tools.products.output.trial import Evidence, MeasuredScans, ScansOnTrial, on_trial
@@ -24,7 +25,7 @@ def found_in(stamps: np.ndarray, points: Callable[[int], int] = lambda k: k, unr
     for k, stamp in enumerate(stamps.tolist()):
         cloud = np.random.default_rng(points(k)).normal(0, 9, (60, 3)).astype(np.float32)
         trial.add(Scan(cloud, stamp=stamp, name=f"s{k}"), stamp)
-    return on_trial(Evidence(trial, unread))
+    return [each.words for each in on_trial(Evidence(trial, unread))]
 
 
 @pytest.mark.parametrize(
@@ -77,7 +78,7 @@ def test_a_unit_of_times_is_named() -> None:
     trial = ScansOnTrial()
     for k in range(10):
         trial.add(Scan(np.ones((60, 3), np.float32) * k), START + k, span=700.0)
-    assert next(iter(trial.found())).startswith("the times of points are taken as milliseconds")
+    assert next(iter(trial.found())).words.startswith("the times of points are taken as milliseconds")
 
 
 def test_a_contradiction_names_its_remedy() -> None:
@@ -86,13 +87,17 @@ def test_a_contradiction_names_its_remedy() -> None:
     poses, values = poses_of(truth), measured(truth, rng)
     free = [step_pair(k, poses[k].inv() * poses[k + 1], TIGHT) for k in range(0, 45, 3)]
 
-    def found(values: np.ndarray) -> list[str]:
+    def found(values: np.ndarray, named: str = "log.csv") -> list[Finding]:
         scans = [Scan(np.ones((1, 3), np.float32), stamp=k, prior=prior) for k, prior in enumerate(priors(values))]
-        return on_trial(Evidence(of_files=["a row is left out"], measured=MeasuredScans(scans, "log.csv"), free=free))
+        return on_trial(Evidence(of_files=["a row is left out"], measured=MeasuredScans(scans, named), free=free))
 
-    assert found(values) == ["a row is left out"]
-    _, words = found(signed(5)(values))
-    assert "depth_m with the opposite sign. In log.csv: give --nav-frame" in words
+    assert found(values) == [Finding("a row is left out")]
+    _, (words, (remedy,)) = found(signed(5)(values))
+    assert "depth_m with the opposite sign. In log.csv: give --correct-priors depth_m=-depth_m" in words
+    assert remedy == Remedy("correct_priors", ("depth_m=-depth_m",))
+    _, recorded = found(signed(5)(values), "")
+    assert "In what recordings measured: give" in recorded.words
+    assert not recorded.remedies  # there are no priors to correct
 
 
 def test_a_wrong_speed_of_sound_names_the_factor() -> None:

@@ -18,7 +18,9 @@ from sonarmap.slam.decide.wrong_measurements import KINDS, TAILS, judge_fixes
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.spectral.geometry import cross_matrices, twist
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.instruments import poses_of, values_of
+from sonarmap.tools.files.finding import Remedy
+from sonarmap.tools.files.readers.instruments import COLUMNS, poses_of, values_of
+from sonarmap.tools.files.readers.navigation.correction import Correction
 
 LEAST_PAIRS = 6
 _MIN_SIGMAS = 4.5  # evidence from pairs, above which a mistake is reported
@@ -33,7 +35,6 @@ _COARSE = 3  # [deg], first step of the search for a turn, which ends with 1 deg
 _KINDS = ((0, 1), (2,), (3, 4), (5,))  # columns that one instrument measures
 _MIN_SIGMAS_OF_MAP = 5.5  # evidence from a map, above which a mistake is reported
 _MAX_SCANS = 1000  # of a map: every hypothesis optimizes the graph
-_FOOT = 0.3048  # [m]
 _ROWS = 10  # largest shift of the rows that is tried
 _TIE = 20.0  # hypotheses whose chi-squared differs by less are reported together
 _MAX_REPORTED = 3
@@ -50,23 +51,14 @@ class Contradiction:
         instead = ", or ".join(self.instead)
         return f"the scans contradict the navigation ({self.sigmas:.0f} sigmas); they agree with {instead}"
 
-    @property
-    def remedy(self) -> str:
-        """How to correct each of these mistakes, in words."""
-        return ", or ".join(dict.fromkeys(_REMEDIES.get(name, _TURN) for name in self.instead))
+    def remedies(self, interval: float, axes: str = "flu") -> dict[Remedy | str, None]:
+        """The options that correct each of these mistakes, in words where their values are not known. `interval`: from
+        scan to scan [s]; `axes`: the given ones of the points."""
+        return dict.fromkeys(each for name in self.instead for each in _remedies(name, interval, axes))
 
 
 Values = np.ndarray  # (n, 6) in the order of COLUMNS
 _Change = Callable[[Values], Values]
-
-
-def _scaled(by: float, *columns: int) -> _Change:
-    return lambda values: values * np.where(np.isin(np.arange(6), columns), by, 1.0)
-
-
-def _exchanged(first: int, second: int) -> _Change:
-    order = [{first: second, second: first}.get(k, k) for k in range(6)]
-    return lambda values: values[:, order]
 
 
 def _shifted(by: int) -> _Change:
@@ -78,57 +70,61 @@ def _shifted(by: int) -> _Change:
     return change
 
 
-def added(degrees: float, column: int, sign: float = 1.0) -> _Change:
-    return lambda values: np.where(np.arange(6) == column, degrees + sign * values, values)
-
-
-_COLUMNS = "exchange the columns' names, by --nav-columns"
-_TURN = "give the turn by --mount 0,0,DEGREES, or --heading-reference, --magnetic-declination"
-# {remedy: {mistake: change of the navigation that corrects it}}
-_MISTAKES: Mapping[str, Mapping[str, _Change]] = {
-    "give --nav-frame, or turn the sign in the file": {
-        "heading_deg with the opposite sign": _scaled(-1, 2),
-        "roll_deg with the opposite sign": _scaled(-1, 0),
-        "pitch_deg with the opposite sign": _scaled(-1, 1),
-        "roll_deg and pitch_deg with their signs turned": _scaled(-1, 0, 1),
-        "East with the opposite sign": _scaled(-1, 3),
-        "North with the opposite sign": _scaled(-1, 4),
-        "East and North with their signs turned": _scaled(-1, 3, 4),
-        "depth_m with the opposite sign": _scaled(-1, 5),
-    },
-    "give --nav-frame enu and name the column yaw": {
-        "heading_deg as a yaw, counterclockwise from East": added(90.0, 2, -1.0)
-    },
-    _TURN: {f"heading_deg turned by {by} degrees": added(by, 2) for by in (90, 180, 270)},
-    _COLUMNS: {"roll_deg and pitch_deg exchanged": _exchanged(0, 1), "East and North exchanged": _exchanged(3, 4)},
-    "name the columns roll_rad, pitch_rad, heading_rad, by --nav-columns": {
-        "angles in radians": _scaled(180 / np.pi, 0, 1, 2)
-    },
-    "name the unit in the column's heading, as Depth (ft), or convert places to meters": {
-        "places in feet": _scaled(_FOOT, 3, 4),
-        "depths in feet": _scaled(_FOOT, 5),
-        "places and depths in feet": _scaled(_FOOT, 3, 4, 5),
-    },
-    "give the clock's offset by --nav-offset SECONDS": {
-        "the rows of the scans before": _shifted(-1),
-        "the rows of the scans after": _shifted(1),
-        **{f"the rows {by} scans before": _shifted(-by) for by in range(2, _ROWS + 1)},
-        **{f"the rows {by} scans after": _shifted(by) for by in range(2, _ROWS + 1)},
-    },
-    "give --frame": {
-        # T -> W T M, with M and W the reflections of y and East, gives the relative poses of mirrored scans
-        "scans mirrored, left for right": _scaled(-1, 0, 2, 3),
-        "scans upside down": added(180.0, 0),
-    },
-    "give --units": {
-        "scans a thousand times smaller": _scaled(1e3, 3, 4, 5),
-        "scans a thousand times larger": _scaled(1e-3, 3, 4, 5),
-    },
+_TURNED = "heading_deg turned by {} degrees"
+# {mistake: what corrects it, as for --correct-priors}
+_OF_VALUES = {
+    "heading_deg with the opposite sign": "heading_deg=-heading_deg",
+    "roll_deg with the opposite sign": "roll_deg=-roll_deg",
+    "pitch_deg with the opposite sign": "pitch_deg=-pitch_deg",
+    "roll_deg and pitch_deg with their signs turned": "roll_deg=-roll_deg,pitch_deg=-pitch_deg",
+    "East with the opposite sign": "x_m=-x_m",
+    "North with the opposite sign": "y_m=-y_m",
+    "East and North with their signs turned": "x_m=-x_m,y_m=-y_m",
+    "depth_m with the opposite sign": "depth_m=-depth_m",
+    "heading_deg as a yaw, counterclockwise from East": "heading_deg=90-heading_deg",
+    **{_TURNED.format(by): f"heading_deg={by}+heading_deg" for by in (90, 180, 270)},
+    "roll_deg and pitch_deg exchanged": "roll_deg=pitch_deg,pitch_deg=roll_deg",
+    "East and North exchanged": "x_m=y_m,y_m=x_m",
+    "angles in radians": ",".join(f"{angle}=57.2957795*{angle}" for angle in COLUMNS[:3]),
+    "places in feet": "x_m=0.3048*x_m,y_m=0.3048*y_m",
+    "depths in feet": "depth_m=0.3048*depth_m",
+    "places and depths in feet": "x_m=0.3048*x_m,y_m=0.3048*y_m,depth_m=0.3048*depth_m",
 }
-_GEOGRAPHIC = "latitude and longitude exchanged"
-_REMEDIES = {name: remedy for remedy, named in _MISTAKES.items() for name in named}
-_REMEDIES[_GEOGRAPHIC] = _COLUMNS
+# {mistake: number of scans that the rows are moved to later ones}
+_OF_TIMES = {
+    "the rows of the scans before": -1,
+    "the rows of the scans after": 1,
+    **{f"the rows {by} scans before": -by for by in range(2, _ROWS + 1)},
+    **{f"the rows {by} scans after": by for by in range(2, _ROWS + 1)},
+}
+UPSIDE_DOWN = Remedy("correct_priors", ("roll_deg=180+roll_deg",))
+_MIRRORED, _UPSIDE_DOWN = "scans mirrored, left for right", "scans upside down"
+# {mistake of the scans: change of the navigation that has the same effect}
+_OF_SCANS = {
+    # T -> W T M, with M and W the reflections of y and East, gives the relative poses of mirrored scans
+    _MIRRORED: "roll_deg=-roll_deg,heading_deg=-heading_deg,x_m=-x_m",
+    "scans a thousand times smaller": "x_m=1000*x_m,y_m=1000*y_m,depth_m=1000*depth_m",
+    "scans a thousand times larger": "x_m=0.001*x_m,y_m=0.001*y_m,depth_m=0.001*depth_m",
+    _UPSIDE_DOWN: UPSIDE_DOWN.values[0],
+}
+_TO_OTHER_AXES = {_MIRRORED: str.maketrans("lrew", "rlwe"), _UPSIDE_DOWN: str.maketrans("lrewud", "rlwedu")}
 SIZES = {"scans a thousand times smaller": 1e3, "scans a thousand times larger": 1e-3}  # factors of sigmas of lengths
+_GEOGRAPHIC = "latitude and longitude exchanged"
+
+
+def _remedies(name: str, interval: float, axes: str) -> tuple[Remedy | str, ...]:
+    """The options that correct a mistake, as of `Contradiction.remedies`."""
+    if name in _OF_TIMES:
+        return (Remedy("nav_offset", (f"{_OF_TIMES[name] * interval:.4g}",)),)
+    if name in _TO_OTHER_AXES:
+        by_axes = Remedy("frame", (axes.translate(_TO_OTHER_AXES[name]),))
+        return (by_axes, UPSIDE_DOWN) if name == _UPSIDE_DOWN else (by_axes,)
+    if name in SIZES:
+        return ("--units",)
+    if name == _GEOGRAPHIC:
+        return ("--nav-columns with the names of both columns exchanged",)
+    text = _OF_VALUES[name] if name in _OF_VALUES else f"heading_deg={name.split()[3]}+heading_deg"
+    return (Remedy("correct_priors", (text,)),)
 
 
 def _geographic(origin: tuple[float, float]) -> _Change:
@@ -140,12 +136,15 @@ def _geographic(origin: tuple[float, float]) -> _Change:
 
 def corrected(values: Values, origin: tuple[float, float] | None = None) -> Iterator[tuple[str, Values]]:
     """The mistakes and the values corrected for each, without headings turned by other angles. Corrections that change
-    nothing, or the same as an earlier one with the same remedy, are left out. `origin`: latitude and longitude of the
+    nothing, or the same as an earlier one of the same kind, are left out. `origin`: latitude and longitude of the
     origin of positions [deg], if they were read as such."""
-    geographic = {} if origin is None else {_GEOGRAPHIC: _geographic(origin)}
-    for remedy, named in _MISTAKES.items():
+    of_values: dict[str, _Change] = {name: Correction.of(text) for name, text in _OF_VALUES.items()}
+    of_values |= {} if origin is None else {_GEOGRAPHIC: _geographic(origin)}
+    of_times = {name: _shifted(by) for name, by in _OF_TIMES.items()}
+    of_scans = {name: Correction.of(text) for name, text in _OF_SCANS.items()}
+    for named in (of_values, of_times, of_scans):
         before = [values]
-        for name, change in {**named, **(geographic if remedy == _COLUMNS else {})}.items():
+        for name, change in named.items():
             changed = change(values)
             if not any(np.array_equal(changed, other, equal_nan=True) for other in before):
                 before.append(changed)
@@ -206,9 +205,9 @@ def contradiction(
         reach = _COARSE if turned else _MAX_TURN
         for by in range(near - reach, near + reach + 1, step):
             if by not in turned and abs(by) >= _MIN_TURN:
-                turned[by] = pair_costs(added(by, 2)(values), sigmas, registered)
+                turned[by] = pair_costs(values + by * (np.arange(6) == 2), sigmas, registered)
     by = min(turned, key=lambda by: turned[by][:, 0].sum())
-    costs[f"heading_deg turned by {by} degrees"] = turned[by]
+    costs[_TURNED.format(by)] = turned[by]
     return _verdict([given, *_ordinary(values, sigmas, registered)], costs, registered)
 
 

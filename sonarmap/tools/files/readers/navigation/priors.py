@@ -78,6 +78,8 @@ def navigate(
         priors = by_the_maps_north(priors, origin, grid)
     if settings.mount is not None:
         priors = [prior and settings.mount.of_sensor(prior) for prior in priors]
+    if settings.correction is not None:
+        priors = [prior and settings.correction.of_prior(prior) for prior in priors]
     placed = tuple(replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True))
     notes += faults
     return Navigated(placed, origin, tuple(faults))

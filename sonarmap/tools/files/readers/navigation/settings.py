@@ -16,6 +16,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.geo import DEGREE, EAST, Georeference, Projection, on_the_earth
 from sonarmap.tools.files.readers.instruments import MIN_ROWS
+from sonarmap.tools.files.readers.navigation.correction import Correction
 from sonarmap.tools.files.readers.navigation.headings import QUANTITIES
 from sonarmap.tools.files.time_scales import TIME_SCALES, TimeScale
 
@@ -95,6 +96,7 @@ class NavigationSettings:
     # where a yaw or z is refused
     frame: NavFrame | None = None
     mount: Mount | None = None  # of the sonar on the vehicle
+    correction: Correction | None = None  # of the measured poses of the sonar
     # {column of `tools.files.readers.instruments.COLUMNS`: standard deviation [deg, m]}, for columns without one
     sigmas: Mapping[str, float] = field(default_factory=lambda: _NO_SIGMAS)
     fastest: float = math.inf  # largest speed of the vehicle [m/s]; rows that need a higher one are left out

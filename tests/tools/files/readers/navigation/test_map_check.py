@@ -48,7 +48,7 @@ def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, i
     assert understated[kind] > 3
     assert mistake is not None
     assert instead in mistake.instead
-    assert mistake.remedy
+    assert mistake.remedies(1.0)
 
 
 @pytest.mark.parametrize("seed", range(2))
