@@ -8,12 +8,16 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
+from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
 from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.tools.command.live.chosen import changes_scans, keep_chosen
+from sonarmap.tools.command.live.kept_keys import forget_dive
 from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
 from sonarmap.tools.command.live.recording import Again, in_words
+from sonarmap.tools.files.finding import Remedy
 from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
 
@@ -31,11 +35,13 @@ class KilledError(Exception):
 class Dive:
     """Runs the mapping of a dive and shows its state and alerts."""
 
-    settings: MappingSettings
+    settings: Callable[[Sequence[Remedy]], MappingSettings]  # of the mapping, with the chosen remedies
+    out: Path  # the map's folder
     page: LivePage
     tell: Callable[[State, list[str]], None]  # shows the state and the new alerts on the terminal
     is_recorded: bool  # whether a recording runs as well, so that only the user ends the dive
     said: Sequence[deque[str]] = ()  # alerts of the recording and the navigation, removed when shown
+    chosen: list[Remedy] = field(default_factory=list[Remedy])  # on the page, in their order
     _state: State = field(default_factory=State)
     _alerts: list[str] = field(default_factory=list[str])
     _of_mapping: set[str] = field(default_factory=set[str])  # alerts of the mapping, which repeats them
@@ -47,7 +53,10 @@ class Dive:
         while not stop.is_set():
             again.begins()
             try:
-                if self._map_until(stop) and not self.is_recorded:
+                if not self._map_until(stop):
+                    self._choose()
+                    continue
+                if not self.is_recorded:
                     break
                 error: Exception = InputError("no more scans came")
             except Exception as failure:  # noqa: BLE001 - whatever it is, a recording may go on
@@ -72,15 +81,16 @@ class Dive:
                 return
 
     def _map_until(self, stop: Event) -> bool:
-        """Map in a process of its own; True if all scans are mapped, False if `stop` is set. Raises what ended it."""
+        """Map in a process of its own; True if all scans are mapped, False if `stop` is set or a remedy was chosen.
+        Raises what ended it."""
         context = get_context("spawn")
         pipe, other = context.Pipe()
-        process = context.Process(target=_map, args=(self.settings, other), daemon=True)
+        process = context.Process(target=_map, args=(self.settings(self.chosen), other), daemon=True)
         with _without_interrupts():
             process.start()
         other.close()
         try:
-            while not stop.is_set():
+            while not stop.is_set() and not self.page.chosen:
                 self._look()
                 if pipe.poll(_TICK) and self._took(pipe):
                     return True
@@ -90,6 +100,34 @@ class Dive:
             process.kill()  # its files are complete whenever it ends
             process.join()
         return False
+
+    def _choose(self) -> None:
+        """Take what was chosen on the page: the mapping begins again with it, and its alerts are forgotten."""
+        while self.page.chosen:
+            label = self.page.chosen.popleft()
+            if (remedy := self._choices.get(label)) is not None:
+                self.chosen.append(remedy)
+            elif label in self._choices:
+                remedy = self.chosen.pop()
+            else:  # two browsers chose the same
+                continue
+            keep_chosen(self.out, self.chosen)
+            if changes_scans(remedy):
+                forget_dive(self.out)
+            self._alerts = [words for words in self._alerts if words not in self._of_mapping]
+            self._of_mapping.clear()
+            used = "is used from here on" if remedy in self.chosen else "is not used any more"
+            self._new.append(f"{remedy} {used}, as chosen on the page")
+            self._state = State("waiting")
+            self._show()
+
+    @property
+    def _choices(self) -> dict[str, Remedy | None]:
+        """The buttons of the page: each remedy, and None for the end of the last chosen one."""
+        choices: dict[str, Remedy | None] = {
+            f"Use {each}": each for each in self._state.remedies if each not in self.chosen
+        }
+        return choices | ({f"Do not use {self.chosen[-1]} any more": None} if self.chosen else {})
 
     def _took(self, pipe: Connection) -> bool:
         """Receive a message; whether it is the last one. Raises what ended the mapping."""
@@ -125,7 +163,9 @@ class Dive:
         with suppress(Exception):
             self.tell(self._state, self._new)
         self._new = []
-        self.page.publish(("state", replace(self._state, alerts=tuple(self._alerts)).message))
+        state = replace(self._state, alerts=tuple(self._alerts), choices=tuple(self._choices))
+        self.page.choices = frozenset(state.choices)
+        self.page.publish(("state", state.message))
 
     def _alert(self, words: str) -> None:
         self._alerts = [*(other for other in self._alerts if other != words), words][-_MOST_ALERTS:]

@@ -83,9 +83,16 @@ def has_keys(out: Path) -> bool:
 
 
 def forget_keys(out: Path) -> None:
-    """Delete all key scans, but not their folder, which programs lock."""
-    for path in (out / FOLDER).glob("key_*.npz"):
+    """Delete all key scans and what was chosen, but not their folder, which programs lock."""
+    for path in [*(out / FOLDER).glob("key_*.npz"), *(out / FOLDER).glob("*.json")]:
         path.unlink(missing_ok=True)
+
+
+def forget_dive(out: Path) -> None:
+    """Delete the key scans of the dive itself, not those of a finished map."""
+    for number, key in enumerate(list(kept_keys(out))):
+        if key.behind != Mark():
+            (out / FOLDER / _name(number)).unlink()
 
 
 def clear(out: Path) -> None:

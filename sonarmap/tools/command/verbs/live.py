@@ -24,8 +24,10 @@ from sonarmap.tools.command.verbs import map as map_verb
 from sonarmap.tools.command.verbs.record import Listening, ending
 
 if TYPE_CHECKING:
+    from sonarmap.tools.command.live.chosen import Reading
     from sonarmap.tools.command.live.mapping import MappingSettings
     from sonarmap.tools.command.live.recording import RecordingProcess
+    from sonarmap.tools.files.finding import Remedy
     from sonarmap.tools.products.live.server import LivePage
 
 NOTHING_CAME = 3
@@ -95,46 +97,74 @@ def command(
     and the page becomes its report; `sonarmap map OUT/recording -o OUT` with more options makes it again. A separate
     process records data from the network to OUT/recording. If started again with the same OUT, the dive continues.
     """
-    from sonarmap.tools.command.live.mapping import MappingSettings
-    from sonarmap.tools.command.live.navigation import NAME, Navigation
-    from sonarmap.tools.command.live.recording import FOLDER
+    from sonarmap.tools.command.live.chosen import Reading
+    from sonarmap.tools.command.live.navigation import NAME
     from sonarmap.tools.products.live.server import LivePage
 
     inputs, out = source or [], output.out
     _require_source(inputs, live.replay)
     if live.nmea is not None and priors.priors:
         raise InputError("--nmea and --priors both give navigation; leave one out")
-    (mapper, of_pairs), place = survey.mapper_settings(method), earth.georeference()
-    require_effect(of_pairs, bool(priors.priors))
     known = priors if live.nmea is None else replace(priors, priors=[out / NAME])
-    navigation = Navigation(known, odometry, reading, mapper.limits.speed, place)
-    settings = MappingSettings(
-        out,
-        tuple(inputs) or (str(out / FOLDER),),
-        live.replay,
-        points.corrections(),
-        of_pairs,
-        mapper,
-        None if live.onto is not None else navigation,
+    wanted = _Wanted(
+        inputs, output, live, method, Reading(known, reading, points), odometry, survey, earth, imu, as_json, quiet
     )
-    may_be_placed = bool(inputs or known.priors)
+    settings = wanted.settings()
+    require_effect(settings.method, bool(priors.priors))
     stamps = () if inputs else (time.time(),)
+    may_be_placed = bool(inputs or known.priors)
     map_verb.check_options(output, method, earth, given(known) | given(odometry), stamps, may_be_placed)
-
-    def finish(mapped: list[str]) -> None:
-        use, read = known, reading
-        if live.nmea is not None and not _has_navigation(out / NAME):
-            use, read = PriorsFile(), NavigationReading() if odometry.odometry is None else reading
-        make = lambda output, earth: map_verb.command(  # noqa: E731
-            mapped, output, method, use, points, odometry, read, survey,
-            TiesAndControl(), earth, ExecutionOptions(), imu=imu, check_priors=True, patch_test=False,
-            as_json=as_json, quiet=quiet,
-        )  # fmt: skip
-        _make_map(make, output, earth, mapped)
-
     with LivePage(live.bind, live.port) as page:
-        _follow(settings, live, page, listening, not inputs, quiet or as_json)
-        _finish(settings, live.finish, page, finish)
+        chosen = _follow(wanted, page, listening)
+        _finish(settings, live.finish, page, lambda mapped: wanted.make_map(mapped, chosen))
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """The options of a dive, for its mapping and the final map."""
+
+    inputs: list[str]
+    output: MapOutput
+    live: LiveOptions
+    method: MethodOptions
+    reading: "Reading"
+    odometry: OdometryFile
+    survey: SurveyOptions
+    earth: EarthPlace
+    imu: bool
+    as_json: bool
+    quiet: bool
+
+    def settings(self, chosen: "Sequence[Remedy]" = ()) -> "MappingSettings":
+        """Settings of the mapping with the remedies that were chosen on the page."""
+        from sonarmap.tools.command.live.mapping import MappingSettings
+        from sonarmap.tools.command.live.navigation import Navigation
+        from sonarmap.tools.command.live.recording import FOLDER
+
+        use, out = self.reading.corrected(chosen), self.output.out
+        mapper, method = self.survey.mapper_settings(self.method)
+        navigation = Navigation(use.priors, self.odometry, use.log, mapper.limits.speed, self.earth.georeference())
+        return MappingSettings(
+            out,
+            tuple(self.inputs) or (str(out / FOLDER),),
+            self.live.replay,
+            use.points.corrections(),
+            method,
+            mapper,
+            navigation if self.live.onto is None else None,
+        )
+
+    def make_map(self, inputs: list[str], chosen: "Sequence[Remedy]") -> None:
+        """Make the map of the dive's files as `sonarmap map`, with the remedies that were chosen on the page."""
+        use, odometry = self.reading.corrected(chosen), self.odometry
+        if self.live.nmea is not None and not _has_navigation(use.priors.priors[0]):
+            use = replace(use, priors=PriorsFile(), log=NavigationReading() if odometry.odometry is None else use.log)
+        make = lambda output, earth: map_verb.command(  # noqa: E731
+            inputs, output, self.method, use.priors, use.points, odometry, use.log, self.survey,
+            TiesAndControl(), earth, ExecutionOptions(), imu=self.imu, check_priors=True, patch_test=False,
+            as_json=self.as_json, quiet=self.quiet,
+        )  # fmt: skip
+        _make_map(make, self.output, self.earth, inputs)
 
 
 def _finish(settings: "MappingSettings", maps: bool, page: "LivePage", finish: Callable[[list[str]], None]) -> None:
@@ -182,15 +212,15 @@ def _make_map(
         raise InputError(f"{error}. The scans are kept; '{again}' with other options makes the map") from error
 
 
-def _follow(
-    settings: "MappingSettings", live: LiveOptions, page: "LivePage", listening: Listening, records: bool, quiet: bool
-) -> None:
-    """Show a dive until it ends. `listening` are the options of the recording and its end; without `records` another
-    program records."""
+def _follow(wanted: _Wanted, page: "LivePage", listening: Listening) -> "list[Remedy]":
+    """Show a dive until it ends; return the remedies that were chosen on the page. `listening` are the options of the
+    recording and its end."""
+    from sonarmap.tools.command.live.chosen import kept_chosen
     from sonarmap.tools.command.live.dive import Dive
     from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
     from sonarmap.tools.command.live.navigation import NavigationLog
 
+    settings, live = wanted.settings(), wanted.live
     out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
     kept_settings = [settings.corrections, settings.method, settings.mapper]
     with ExitStack() as stack:
@@ -199,8 +229,8 @@ def _follow(
         stop = stack.enter_context(ending(listening.seconds))
         if live.onto is not None and not has_keys(out):
             _keep_map(live.onto, out)
-        show = stack.enter_context(status_line(quiet))
-        recording = stack.enter_context(_recording(out, listening, stop)) if records else None
+        show = stack.enter_context(status_line(wanted.quiet or wanted.as_json))
+        recording = None if wanted.inputs else stack.enter_context(_recording(out, listening, stop))
         # if anything fails below, the recording continues
         with suppress(OSError):
             say(f"the map is shown at {' or '.join(page.addresses)}; Ctrl-C ends the dive")
@@ -208,11 +238,13 @@ def _follow(
             Thread(target=_open_browser, args=(page.address,), daemon=True).start()
         news = [each.said for each in (recording, navigation) if each is not None]
         show_state = lambda state, warnings: show([state.sentence], warnings, state.status)  # noqa: E731
-        Dive(settings, page, show_state, recording is not None, news).follow(stop)
+        dive = Dive(wanted.settings, out, page, show_state, recording is not None, news, kept_chosen(out))
+        dive.follow(stop)
     try:
-        say("the dive has ended")
+        say(f"the dive has ended{''.join(f'; {remedy} was chosen on the page' for remedy in dive.chosen)}")
     except OSError:  # the terminal was closed; the map is made all the same
         discard(sys.stderr)
+    return dive.chosen
 
 
 @contextmanager

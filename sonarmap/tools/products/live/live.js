@@ -61,8 +61,9 @@ function showState() {
     : "The vehicle is lost, and no place was sure before.");
   $("#alarm").hidden = !lost;
   $("#sure").hidden = !sure || !view;
-  if ([...$("#concerns").children].map((item) => item.textContent).join() !== state.alerts.join())
-    $("#concerns").replaceChildren(...state.alerts.map((text) => make("li", {}, text)));
+  const said = [...state.alerts, ...state.choices], choice = (text) => button(text, () => wire.open && wire.socket.send(text));
+  if ([...$("#concerns").children].map((item) => item.textContent).join() !== said.join()) // a button stays while it is pressed
+    $("#concerns").replaceChildren(...said.map((text) => make("li", {}, state.choices.includes(text) ? choice(text) : text)));
   const facts = [
     ["below the start", state.depth, "\u202fm"], [state.north ? "heading" : "heading from the start's", state.heading, "°", 0],
     ["speed", state.speed, "\u202fm/s"], ["over the bed", state.altitude, "\u202fm"], ["to the wall ahead", state.ahead, "\u202fm"],
@@ -134,7 +135,7 @@ function showAge() {
 
 /** Open the feed, and again whenever it ends; the server then sends all that there is. */
 function connect() {
-  const socket = new WebSocket(`${location.origin.replace("http", "ws")}/feed${location.search}`);
+  const socket = (wire.socket = new WebSocket(`${location.origin.replace("http", "ws")}/feed${location.search}`));
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
     [pause, wire.open] = [AGAIN[0], true];

@@ -20,6 +20,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.counted import counted
 from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.live.growing import Pose
+from sonarmap.tools.files.finding import Remedy
 
 Message = tuple[str, str | bytes]  # name and content
 CLOUD, LAST = 1, 2  # first byte of points: of a key scan, of the last scan
@@ -113,6 +114,8 @@ class State:
     altitude: float | None = None  # over the bed [m]
     ahead: float | None = None  # distance to the nearest wall ahead [m]
     alerts: tuple[str, ...] = ()
+    remedies: tuple[Remedy, ...] = ()  # of the alerts
+    choices: tuple[str, ...] = ()  # buttons of the page that choose a remedy
 
     @property
     def sentence(self) -> str:

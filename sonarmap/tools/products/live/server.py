@@ -7,6 +7,7 @@ import logging
 import secrets
 import socket
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -26,7 +27,7 @@ from sonarmap.tools.products.live.messages import Kept, Message
 from sonarmap.tools.products.report.page import REPORT_WEB, joined, part
 
 MOST_BROWSERS = 8
-LARGEST = 1024  # largest message from a browser, which should send none [bytes]
+LARGEST = 1024  # largest message from a browser, which sends only choices [bytes]
 _PATIENCE = 20.0  # for a browser that receives nothing, or a whole report [s]
 _AGAIN = 1.0  # pause before a server that failed is restarted [s]
 _ADDRESS_OF = 0x8915  # SIOCGIFADDR of Linux: the address of an interface
@@ -58,6 +59,8 @@ class LivePage:
         self._token = None if _is_loopback(bind) else secrets.token_urlsafe(24)
         self._kept = Kept()
         self._ending = False
+        self.choices = frozenset[str]()  # what browsers may choose
+        self.chosen = deque[str]()  # what they chose, removed when it is taken
         self._pages = {"/": live_page()}  # path -> HTML and Content-Security-Policy
 
     @property
@@ -187,10 +190,11 @@ class LivePage:
             listening.cancel()
 
     async def _listen(self, connection: ServerConnection) -> None:
-        """Close a connection that sends anything, as the page sends nothing."""
+        """Take the choices of a browser, and close a connection that sends anything else."""
         with suppress(ConnectionClosed):
-            await connection.recv()
-            await connection.close(1008, "nothing is expected")
+            while (choice := await connection.recv()) in self.choices:
+                self.chosen.append(str(choice))
+            await connection.close(1008, "only a choice of the page is expected")
         self._wake()
 
 

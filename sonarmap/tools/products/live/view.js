@@ -6,7 +6,7 @@ const RIM_SAMPLES = 600; // of the last scan, that its range and its angles are 
 
 class Dive {
   constructor() {
-    this.state = { status: "waiting", sentence: "Waiting for the first scan.", alerts: [], part: 0, own: 0 };
+    this.state = { status: "waiting", sentence: "Waiting for the first scan.", alerts: [], choices: [], part: 0, own: 0 };
     this.poses = []; // of key scans: {part, place [m], turn: quaternion x, y, z, w, sigma: of the place [m]}
     this.clouds = new Map(); // {key scan: {key, quantum [m], places: Int16Array of x, y, z [quanta], count}}
     this.loops = [];

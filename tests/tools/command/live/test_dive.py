@@ -6,9 +6,13 @@ import signal
 import struct
 import subprocess
 import time
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
 from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 from typing import Any, cast
 from urllib.parse import urlsplit
 from urllib.request import urlopen
@@ -18,9 +22,14 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.live import dive as module
+from sonarmap.tools.command.live.chosen import kept_chosen
 from sonarmap.tools.command.live.dive import Dive, KilledError
+from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
 from sonarmap.tools.command.live.recording import Again
+from sonarmap.tools.files.finding import Remedy
+from sonarmap.tools.files.readers.incoming import Mark
 from sonarmap.tools.products.live.messages import State
 from tests.samples.clutter_scans import done, refused, scan, sonarmap, write
 from tests.samples.command_line import SONARMAP
@@ -187,7 +196,7 @@ def a_dive(is_recorded: bool = False, page: Any = None, lines: list[str] | None 
             raise OSError(28, "No space left on device")  # the terminal is closed
         lines.extend(new)
 
-    return Dive(cast(Any, None), cast(Any, page or Shows()), tell, is_recorded)
+    return Dive(lambda chosen: cast(Any, chosen), Path(), cast(Any, page or Shows()), tell, is_recorded)
 
 
 def test_a_truncated_message_means_that_the_mapping_was_killed() -> None:
@@ -202,7 +211,7 @@ class Shows:
     """A page that keeps the states it was given."""
 
     def __init__(self) -> None:
-        self.states = list[dict[str, Any]]()
+        self.states, self.choices, self.chosen = list[dict[str, Any]](), frozenset[str](), deque[str]()
 
     def publish(self, message: tuple[str, str]) -> None:
         self.states.append(json.loads(message[1]))
@@ -243,6 +252,89 @@ def test_without_a_recording_the_mapping_gives_up(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(type(error)):
         a_dive().follow(Event())
     assert len(begun) == most
+
+
+UPSIDE_DOWN = Remedy("correct_priors", ("roll_deg=180+roll_deg",))
+SCALED = Remedy("range_scale", ("0.97",))
+
+
+def tells(chosen: Sequence[Remedy], pipe: Connection) -> None:
+    """A mapping that has an alert until a remedy is chosen, and then another, and ends once both are."""
+    remedies = [remedy for remedy in (UPSIDE_DOWN, SCALED) if remedy not in chosen][:1]
+    alerts = tuple(f"wrong: {remedy}" for remedy in remedies)
+    pipe.send(State("placed", alerts=alerts, remedies=tuple(remedies)))
+    if len(chosen) == 2:
+        pipe.send(None)
+    while True:
+        time.sleep(0.1)
+
+
+@pytest.mark.parametrize("undone", [False, True])
+def test_a_remedy_that_is_chosen_on_the_page_restarts_the_mapping(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, undone: bool
+) -> None:
+    monkeypatch.setattr(module, "_map", tells)
+    monkeypatch.setattr(module, "_PATIENCE", 0.1)
+    (tmp_path / "live").mkdir()
+    for number, behind in enumerate([Mark(), Mark("a", 3)]):
+        keep_key(tmp_path, number, KeptKey(Scan(scan(1), stamp=float(number)), None, behind, 0.5))
+    lines, keys = list[str](), list[int]()
+    page, dive = Shows(), a_dive(lines=lines)
+    dive.page, dive.out = cast(Any, page), tmp_path
+    clicks = [f"Use {UPSIDE_DOWN}"]
+    clicks += [f"Do not use {UPSIDE_DOWN} any more", f"Use {UPSIDE_DOWN}"] if undone else []
+    clicks.append(f"Use {SCALED}")
+
+    def click() -> None:
+        for label in clicks:
+            until(partial(lambda label: label in page.choices, label))
+            page.chosen.append(label)
+            until(partial(lambda label: label not in page.choices, label))
+            keys.append(len(list(kept_keys(tmp_path))))
+
+    clicking = Thread(target=click)
+    clicking.start()
+    dive.follow(Event())
+    clicking.join()
+    assert dive.chosen == kept_chosen(tmp_path) == [UPSIDE_DOWN, SCALED]
+    assert keys == [2] * (len(clicks) - 1) + [1]  # scaled scans are placed again, without those of a finished map
+    assert lines[:3] == [
+        f"wrong: {UPSIDE_DOWN}", f"{UPSIDE_DOWN} is used from here on, as chosen on the page",
+        f"wrong: {UPSIDE_DOWN if undone else SCALED}",
+    ] or undone  # fmt: skip
+    assert page.states[-1]["alerts"] == []
+    assert page.states[-1]["choices"] == [f"Do not use {SCALED} any more"]
+
+
+@pytest.mark.slow
+def test_a_wrong_sign_is_corrected_by_a_click(tmp_path: Path) -> None:
+    """The final map is made with the option, and says so."""
+    done(sonarmap("simulate", "--scene", "rubble", "--scans", "30", "--seed", "4", "--priors",
+                  "attitude,heading,depth,position", "-o", tmp_path / "dive", "-q"))  # fmt: skip
+    log = tmp_path / "dive" / "priors.csv"
+    rows = [line.split(",") for line in log.read_text().splitlines()]
+    column = rows[0].index("heading_deg")
+    log.write_text("\n".join(",".join(
+        [*row[:column], row[column] if k == 0 else str(-float(row[column]) % 360), *row[column + 1 :]]
+    ) for k, row in enumerate(rows)) + "\n")  # fmt: skip
+    process = live(tmp_path / "out", tmp_path / "dive", "--replay", "2", "--priors", log)
+    assert process.stderr is not None
+    address = urlsplit(next(line for line in process.stderr if "shown at" in line).split("shown at ")[1].split(";")[0])
+    wanted = "Use --correct-priors heading_deg=-heading_deg"
+    with connect(
+        f"ws://{address.netloc}/feed", origin=Origin(f"http://{address.netloc}"), compression=None, max_size=None
+    ) as feed:
+        state: dict[str, Any] = {"choices": []}
+        while wanted not in state["choices"]:
+            message = feed.recv(120)
+            state = json.loads(message) if isinstance(message, str) and '"kind": "state"' in message else state
+        feed.send(wanted)
+    lines = ended(process)
+    assert "--correct-priors heading_deg=-heading_deg is used from here on, as chosen on the page" in lines
+    assert "--correct-priors heading_deg=-heading_deg was chosen on the page" in lines
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["settings"]["correct_priors"] == "heading_deg=-heading_deg"
+    assert summary["warnings"] == []
 
 
 def dies(_: object, __: object) -> None:

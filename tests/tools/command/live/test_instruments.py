@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import cache
 from multiprocessing import Pipe
 from pathlib import Path
@@ -17,12 +18,15 @@ from sonarmap.slam.execute.worker import TimedText, Worker
 from sonarmap.slam.live.growing import GrowingMap
 from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.tools.command.live import mapping as module
+from sonarmap.tools.command.live.chosen import Reading
 from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
 from sonarmap.tools.command.live.navigation import Navigation
 from sonarmap.tools.command.method import MethodOptions
 from sonarmap.tools.command.navigation import NavigationReading, OdometryFile, PriorsFile
+from sonarmap.tools.command.survey import PointReading
+from sonarmap.tools.files.finding import Remedy
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.incoming import Incoming, Mark
-from sonarmap.tools.files.readers.scans import AS_RECORDED
 from sonarmap.tools.products.live.messages import State
 from tests.samples.mistakes import MISTAKES, SimulatedDive, simulated_dive
 
@@ -71,12 +75,20 @@ class AtOnce:
 
 
 def alerts(
-    dive: SimulatedDive, folder: Path, monkeypatch: pytest.MonkeyPatch, until: str = "$^", with_log: bool = True
-) -> dict[str, int]:
-    """The alerts of a replay, with the number of scans placed by then, one a second. The replay ends early when an
-    alert matches `until`."""
+    dive: SimulatedDive,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    until: str = "$^",
+    with_log: bool = True,
+    chosen: Sequence[Remedy] = (),
+) -> tuple[dict[str, int], tuple[Remedy, ...]]:
+    """The alerts of a replay with chosen remedies, with the number of scans placed by then, one a second; and the
+    remedies that the page offers. The replay ends early when an alert matches `until`."""
+    folder.mkdir(exist_ok=True)
     log = dive.write_log(folder / "log.csv") if with_log else None
-    said = dict[str, int]()
+    use = Reading(PriorsFile([log] if log else []), NavigationReading(), PointReading()).corrected(chosen)
+    corrections = use.points.corrections()
+    said, remedies = dict[str, int](), set[Remedy]()
 
     def ended() -> bool:
         return any(re.search(until, words) for words in said)
@@ -84,17 +96,17 @@ def alerts(
     def incoming(*_: object) -> Iterator[Incoming]:
         for number, scan in enumerate(dive.scans, 1):
             if not ended():
-                yield Incoming(scan, Mark("", number))
+                read = corrections.scan(Cloud(scan.points), scan.name)[0] if chosen else scan
+                yield Incoming(replace(read, stamp=scan.stamp), Mark("", number))
 
     monkeypatch.setattr(module, "replayed", incoming)
     monkeypatch.setattr(module, "_MOST", 10)  # scans read ahead
     monkeypatch.setattr(module, "ThreadPoolExecutor", lambda *_: AtOnce(ended))
     monkeypatch.setattr(module, "Worker", Remembering)
-    navigation = Navigation(PriorsFile([log] if log else []), OdometryFile(), NavigationReading())
-    (folder / "out" / "live").mkdir(parents=True)
-    settings = MappingSettings(
-        folder / "out", ("dive",), 0.0, AS_RECORDED, MethodOptions(grid=64), MapperSettings(), navigation
-    )
+    navigation = Navigation(use.priors, OdometryFile(), use.log)
+    out = folder / f"out_{len(chosen)}"
+    (out / "live").mkdir(parents=True)
+    settings = MappingSettings(out, ("dive",), 0.0, corrections, MethodOptions(grid=64), MapperSettings(), navigation)
     pipe, other = Pipe()
 
     def receive() -> None:
@@ -103,6 +115,7 @@ def alerts(
             assert not isinstance(message, Exception), message
             for words in message.alerts if isinstance(message, State) else ():
                 said.setdefault(words, message.scans)
+                remedies.update(message.remedies)
 
     reader, before = Thread(target=receive), getsignal(SIGINT)
     reader.start()
@@ -111,7 +124,7 @@ def alerts(
     finally:
         signal(SIGINT, before)
     reader.join()
-    return said
+    return said, tuple(sorted(remedies))
 
 
 @cache
@@ -126,7 +139,7 @@ def test_a_mistake_is_found_in_the_first_minute(
     scene: str, mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     change, words = MISTAKES[mistake]
-    said = alerts(change(clean_dive(scene)), tmp_path, monkeypatch, words)
+    said, _ = alerts(change(clean_dive(scene)), tmp_path, monkeypatch, words)
     found = {each: when for each, when in said.items() if re.search(words, each)}
     for each, when in said.items():
         print(f"{scene} | {mistake} | {'found' if each in found else 'also'} | {when} s | {each[:400]}")
@@ -135,11 +148,40 @@ def test_a_mistake_is_found_in_the_first_minute(
     assert found or (scene, mistake) in UNSEEN
 
 
+# What the page corrects by a click. Shared errors of clocks and lever arms are estimated and corrected anyway.
+CORRECTED = (
+    "z down",
+    "y right",
+    "heading's sign",
+    "heading 25 deg off",
+    "depth's sign",
+    "own structure",
+    "speed of sound",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", CORRECTED)
+@pytest.mark.parametrize("scene", ["harbor", "pool"])
+def test_a_remedy_of_the_page_corrects_the_mistake(
+    scene: str, mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change, words = MISTAKES[mistake]
+    wrong = change(clean_dive(scene))
+    _, remedies = alerts(wrong, tmp_path, monkeypatch, words)
+    assert remedies
+    left = [alerts(wrong, tmp_path / str(k), monkeypatch, chosen=[each])[0] for k, each in enumerate(remedies)]
+    for remedy, said in zip(remedies, left, strict=True):
+        print(f"{scene} | {mistake} | {remedy} | {len(said)} alerts left | {[*said][:2]}")
+    assert any(all("were corrected so" in words for words in said) for said in left)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "seed", "fix_sigma"), CLEAN)
 def test_nothing_is_claimed_of_a_clean_dive(
     scene: str, seed: int, fix_sigma: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = alerts(simulated_dive(scene, seed, fix_sigma or 1.0), tmp_path, monkeypatch, with_log=fix_sigma is not None)
+    dive = simulated_dive(scene, seed, fix_sigma or 1.0)
+    said, _ = alerts(dive, tmp_path, monkeypatch, with_log=fix_sigma is not None)
     print(f"{scene} | clean | {'with' if fix_sigma else 'without'} a log | {len(said)} alerts | {list(said)}")
     assert not said

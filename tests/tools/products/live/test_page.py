@@ -196,6 +196,22 @@ def test_the_page_becomes_the_report(content: Content, bind: str) -> None:
         assert "Click on the first point" in page.inner_text("#picked")
 
 
+def test_a_click_chooses_a_remedy() -> None:
+    remedies = ("Use --exclude-box 0.7,-0.4,-0.3,1.2,0.4,0.1", "Do not use --frame frd any more")
+    with LivePage() as live, opened(live) as shown:
+        live.choices = frozenset(remedies)
+        live.publish(("state", State("placed", alerts=("an object stands still",), choices=remedies).message))
+        shown.page.click(f"text={remedies[0]}")
+        wait_until(shown.page, "document.querySelector('#concerns').children.length === 3")
+        for _ in range(50):
+            if live.chosen:
+                break
+            shown.page.wait_for_timeout(100)
+        assert list(live.chosen) == [remedies[0]]
+        live.publish(("state", State("placed").message))
+        wait_until(shown.page, "document.querySelector('#concerns').children.length === 0")
+
+
 COUNTED = """
 window.tones = 0;
 const { start } = OscillatorNode.prototype;

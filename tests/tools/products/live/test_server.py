@@ -134,6 +134,17 @@ def test_a_stopped_server_restarts_at_the_same_address(live: LivePage, monkeypat
         assert still_serves(live)
 
 
+def test_only_choices_of_the_page_are_taken(live: LivePage) -> None:
+    live.choices = frozenset({"Use --frame frd", "Use --range-scale 0.97"})
+    with feed(live) as connection:
+        for choice in ("Use --range-scale 0.97", "Use --frame frd"):
+            connection.send(choice)
+        connection.send("Use --device none")
+        with pytest.raises(ConnectionClosed, match="1008"):
+            drained(connection)
+    assert list(live.chosen) == ["Use --range-scale 0.97", "Use --frame frd"]
+
+
 def test_garbage_is_refused_and_the_server_survives(live: LivePage, capfd: pytest.CaptureFixture[str]) -> None:
     garbage = os.urandom(1_000_000)
     for sent, why in ((garbage, "."), ("hello", "1008")):

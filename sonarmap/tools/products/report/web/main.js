@@ -43,6 +43,7 @@ function showSections() {
 
 /** Pictures in place of the map, and a sentence that says why. */
 function showPictures(why) {
+  view = null;
   const shown = Object.entries(pictures).map(([name, url]) => picture(name, url));
   const instead = shown.length ? "Here are the pictures that were written with the map instead" : "Open map.ply in a viewer of point clouds instead";
   $("#map").replaceChildren(make("p", { class: "notice" }, `The map in 3D cannot be shown: ${why}. ${instead}.`), ...shown);
@@ -55,13 +56,9 @@ showDecisions();
 window.addEventListener("beforeunload", (event) => decisions.saved || event.preventDefault()); // the browser then asks the user
 try {
   view = new ReportView($("#stage"), content, decisions, (hit) => showPicked($("#picked"), view, content, hit));
-  view.canvas.addEventListener("webglcontextlost", () => {
-    view = null;
-    showPictures("the graphics driver stopped; loading the page again may help");
-  });
+  view.canvas.addEventListener("webglcontextlost", () => showPictures("the graphics driver stopped; loading the page again may help"));
   await showPart(0);
 } catch (error) {
-  view = null;
   showPictures(error.message);
 }
 window.sonarmap = { content, view, decisions, unpack, placeOf, degreesOf }; // for scripts that measure in the page: docs/report.md
