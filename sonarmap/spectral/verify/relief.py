@@ -6,7 +6,7 @@ shifts, which are searched exhaustively by the masked normalized cross-correlati
 10.1109/TIP.2011.2181402).
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,11 +57,11 @@ def alike_places(
     turns = Rotation.from_rotvec(np.linspace(0, 2 * np.pi, _TURNS, endpoint=False)[:, None] * [0.0, 0.0, 1.0])
     R = Rotation.from_matrix(ours.axes) * turns * Rotation.from_matrix(theirs.axes).inv()
     reach = np.full(2, np.linalg.norm(theirs.places[:, :2], axis=1).max())
-    heights = Heights.of(ours.places, ours.places[:, :2].min(axis=0), ours.places[:, :2].max(axis=0))
-    tried = np.flatnonzero(allowed(R)).tolist()
-    turned = (Heights.of(turns[turn].apply(theirs.places), -reach, reach) for turn in tried)
-    found = zip(tried, heights.alike(turned), strict=True)
-    rows = np.concatenate([np.zeros((0, 5)), *(np.insert(places[:count], 0, turn, axis=1) for turn, places in found)])
+    heights = Heights.of(ours.places[None], ours.places[:, :2].min(axis=0), ours.places[:, :2].max(axis=0))
+    tried = np.flatnonzero(allowed(R))
+    turned = Heights.of(theirs.places @ turns[tried].as_matrix().transpose(0, 2, 1), -reach, reach)
+    rows = heights.alike(turned, count)
+    rows[:, 0] = tried[rows[:, 0].astype(np.int64)]
     rows = _distinct(rows[np.argsort(-rows[:, 4], kind="stable")], count)
     R = R[rows[:, 0].astype(np.int64)]
     along = rows[:, 1:4] * [_CELL, _CELL, 1.0] @ ours.axes.T
@@ -106,55 +106,57 @@ class _Bed:
 
 @dataclass(frozen=True, slots=True)
 class Heights:
+    """Heights of t beds, or of one at t turns, on the same cells."""
+
     first: np.ndarray  # (2,) int, index of the first cell along both axes
-    shown: np.ndarray  # (a, b) 1.0 where there are points, else 0.0
-    heights: np.ndarray  # (a, b) [voxels]
+    shown: np.ndarray  # (t, a, b) float32, 1 where there are points, else 0
+    heights: np.ndarray  # (t, a, b) float32 [voxels]
 
     @classmethod
     def of(cls, places: np.ndarray, least: np.ndarray, most: np.ndarray) -> "Heights":
-        """Heights, the third coordinate, of points (n, 3), whose others lie between `least` and `most` (2,)."""
+        """Heights, the third coordinate, of points (t, n, 3), whose others lie between `least` and `most` (2,)."""
         first, last = _cells(least), _cells(most)
-        cell, shape = _cells(places[:, :2]) - first, tuple((last - first + 1).tolist())
-        index = np.ravel_multi_index(tuple(cell.T), shape, mode="clip")  # the clip allows for rounding of the bounds
+        shape = (len(places), *(last - first + 1).tolist())
+        cell = np.moveaxis(_cells(places[..., :2]) - first, -1, 0)
+        each = np.broadcast_to(np.arange(len(places))[:, None], cell.shape[1:])
+        index = np.ravel_multi_index((each, *cell), shape, mode="clip").ravel()  # for rounding of the bounds
         filled = np.bincount(index, minlength=int(np.prod(shape)))
-        heights = np.bincount(index, places[:, 2], len(filled)) / np.maximum(filled, 1)
-        return cls(first, (filled > 0).astype(np.float64).reshape(shape), heights.reshape(shape))
+        heights = np.bincount(index, places[..., 2].ravel(), len(filled)) / np.maximum(filled, 1)
+        return cls(first, (filled > 0).astype(np.float32).reshape(shape), heights.astype(np.float32).reshape(shape))
 
-    def alike(self, sources: Iterable["Heights"]) -> Iterator[np.ndarray]:
-        """Matches (k, 4) of each source, best first: shift along both axes [cells], height offset, and similarity. All
-        sources have one shape."""
-        shape: tuple[int, ...] = ()
-        ours = np.empty(0)
-        for source in sources:
-            if not shape:
-                lengths = zip(self.shown.shape, source.shown.shape, strict=True)
-                shape = tuple(int(fft.next_fast_len(a + b, real=True)) for a, b in lengths)
-                ours = self._spectra(shape)
-            yield self._alike(source, ours, shape)
-
-    def _alike(self, source: "Heights", a: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-        """Matches (k, 4) of one source; `a` are the spectra of these heights at that shape."""
-        b = np.conj(source._spectra(shape))
-        # sums over the cells in common, by shift, of our heights to these powers times theirs to those; in one
-        # transform, since calls take longer than the transforms
-        ours, theirs = [0, 1, 0, 2, 0, 1], [0, 0, 1, 0, 2, 1]
-        cells, *sums = np.asarray(fft.irfft2(a[ours] * b[theirs], shape))
+    def alike(self, sources: "Heights", count: int) -> np.ndarray:
+        """Matches (k, 5) of one bed with the sources, up to `count` of each, best first: number of the source, shift
+        along both axes [cells], height offset, and similarity."""
+        shape = tuple(
+            int(fft.next_fast_len(a + b, real=True))
+            for a, b in zip(self.shown.shape[1:], sources.shown.shape[1:], strict=True)
+        )
+        ours, theirs = self._spectra(shape), np.conj(sources._spectra(shape))
+        # sums over the cells in common, by shift, of our heights to a power times theirs to another
+        cells, mean, other, square, other_square, both = (
+            fft.irfft2(ours[i] * theirs[j], shape) for i, j in ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1))
+        )
         cells = np.maximum(cells, 1e-9)
-        mean, other, square, other_square, both = (each / cells for each in sums)
+        for total in (mean, other, square, other_square, both):
+            total /= cells
         squares = (square - mean**2) * (other_square - other**2)
         alike = (both - mean * other) / np.sqrt(np.maximum(squares, 1e-9))
-        alike[(cells < _SHARED * min(self.shown.sum(), source.shown.sum())) | (alike < _ALIKE)] = 0.0
+        fewest = _SHARED * np.minimum(self.shown.sum(), sources.shown.sum(axis=(1, 2), keepdims=True))
+        alike[(cells < fewest) | (alike < _ALIKE)] = 0.0
         alike = np.arctanh(np.minimum(alike, 0.999)) * np.sqrt(cells)
-        peaks = np.argwhere((maximum_filter(alike, 3, mode="wrap") == alike) & (alike > 0))
-        peaks = peaks[np.argsort(-alike[tuple(peaks.T)], kind="stable")]
+        peaks = np.argwhere((maximum_filter(alike, (1, 3, 3), mode="wrap") == alike) & (alike > 0))
+        peaks = peaks[np.lexsort((-alike[tuple(peaks.T)], peaks[:, 0]))]
+        of_source = np.arange(len(peaks)) - np.searchsorted(peaks[:, 0], peaks[:, 0])
+        peaks = peaks[of_source < count]
         at = tuple(peaks.T)
         # the correlation is cyclic: peaks past the target's shape are negative shifts
-        steps = np.where(peaks >= np.array(self.shown.shape), peaks - np.array(shape), peaks)
-        return np.column_stack([steps + self.first - source.first, (mean - other)[at], alike[at]])
+        steps = peaks[:, 1:] - np.where(peaks[:, 1:] >= np.array(self.shown.shape[1:]), np.array(shape), 0)
+        return np.column_stack([peaks[:, 0], steps + self.first - sources.first, (mean - other)[at], alike[at]])
 
     def _spectra(self, shape: tuple[int, ...]) -> np.ndarray:
-        """Spectra of the mask of shown cells, of the heights, and of the squared heights."""
-        return np.asarray(fft.rfft2(np.stack([self.shown, self.heights, self.heights**2]), shape))
+        """(3, t, ...) spectra of the mask of shown cells, of the heights, and of the squared heights."""
+        powers = np.stack([self.shown, self.heights, self.heights**2])
+        return np.asarray(fft.rfft2(powers, shape))
 
 
 def _cells(places: np.ndarray) -> np.ndarray:

@@ -84,7 +84,7 @@ def test_a_bed_is_level_in_any_axes_and_a_corner_is_not() -> None:
 
 
 def test_similarity_is_computed_over_the_cells_in_common() -> None:
-    """Against plain sums, to 1e-6, over the cells in common at each shift."""
+    """Against plain sums, to 1e-4, over the cells in common at each shift."""
     rng = np.random.default_rng(4)
     target, source = seen(rng, (0, 0), 300), seen(rng, (6, 9), 250) - (8, -12, 0)
 
@@ -93,16 +93,16 @@ def test_similarity_is_computed_over_the_cells_in_common() -> None:
         return {key: float(np.mean([z for k, z in zip(keys, points[:, 2], strict=True) if k == key])) for key in keys}
 
     def heights(points: np.ndarray) -> Heights:
-        return Heights.of(points, points[:, :2].min(axis=0), points[:, :2].max(axis=0))
+        return Heights.of(points[None], points[:, :2].min(axis=0), points[:, :2].max(axis=0))
 
-    (places,) = heights(target).alike([heights(source)])
+    places = heights(target).alike(heights(source), 9)[:, 1:]
     ours, theirs = cells(target), cells(source)
     assert len(places) > 3
     for x, y, higher, value in places[:3].tolist():
         both = [(ours[i + x, j + y], z) for (i, j), z in theirs.items() if (i + x, j + y) in ours]
         correlation = np.corrcoef(np.array(both).T)[0, 1]
-        assert value == pytest.approx(np.arctanh(correlation) * np.sqrt(len(both)), rel=1e-6)
-        assert higher == pytest.approx(np.mean([a - b for a, b in both]), abs=1e-6)
+        assert value == pytest.approx(np.arctanh(correlation) * np.sqrt(len(both)), rel=1e-4)
+        assert higher == pytest.approx(np.mean([a - b for a, b in both]), abs=1e-5)
 
 
 def test_beam_lines_do_not_favor_the_identity() -> None:
