@@ -295,8 +295,10 @@ def systematic_words(error: Systematic) -> str:
 
 
 def scale_of(error: Systematic) -> str:
-    """The --range-scale that corrects ranges."""
-    return f"{1 - error.longer:.3f}"
+    """The --range-scale that corrects the ranges, by this or the alternative error; "" for none."""
+    if error.longer:
+        return f"{1 - error.longer:.3f}"
+    return "" if error.alternative is None else scale_of(error.alternative)
 
 
 def _understated(what: str, times: float, left_out: bool) -> str:

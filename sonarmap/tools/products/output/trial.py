@@ -169,8 +169,7 @@ def on_trial(evidence: Evidence) -> list[Finding]:
         return found
     if measured is not None and (mistake := measured.mistake(result, evidence.clouds)) is not None:
         found.append(mistake)
-    shared = result.systematic
-    scaled = {} if shared is None or not shared.longer else {systematic_words(shared): scale_of(shared)}
-    for words in instrument_faults(result, result.names):
-        found.append(Finding(words, (Remedy("range_scale", (scaled[words],)),) if words in scaled else ()))
-    return found
+    remedies = dict[str, tuple[Remedy, ...]]()
+    if (shared := result.systematic) is not None and (scale := scale_of(shared)):
+        remedies[systematic_words(shared)] = (Remedy("range_scale", (scale,)),)
+    return [*found, *(Finding(words, remedies.get(words, ())) for words in instrument_faults(result, result.names))]

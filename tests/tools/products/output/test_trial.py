@@ -9,7 +9,7 @@ from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.finding import Finding, Remedy
 from sonarmap.tools.files.readers.instruments import poses_of
-from sonarmap.tools.products.output.faults import systematic_words
+from sonarmap.tools.products.output.faults import scale_of, systematic_words
 from sonarmap.tools.products.output.trial import Evidence, MeasuredScans, ScansOnTrial, on_trial
 from tests.samples.surveys import step_pair
 from tests.tools.files.readers.navigation.test_contradictions import TIGHT, measured, path, priors, signed
@@ -104,3 +104,6 @@ def test_a_wrong_speed_of_sound_names_the_factor() -> None:
     assert "ranges are too long, as with another speed of sound (--range-scale 0.952" in systematic_words(
         Systematic(longer=0.048)
     )
+    either = Systematic(forward=1.0, alternative=Systematic(longer=0.048))
+    assert scale_of(either) == scale_of(Systematic(longer=0.048)) == "0.952"
+    assert scale_of(Systematic(forward=1.0)) == ""
