@@ -156,7 +156,8 @@ class Bounds:
             beams = points if viewpoints is None else points - viewpoints
             squares = np.einsum("ij,ij->i", beams, beams)
         near = f"within {100 * self.min_range:g} cm of the sensor, which are no returns"
-        at_sensor = (squares <= self.min_range**2) | ~points.any(axis=1)
+        x, y, z = points.T
+        at_sensor = (squares <= self.min_range**2) | ((x == 0) & (y == 0) & (z == 0))
         excluded = [(near, at_sensor), (f"beyond {self.max_range:g} m", squares > self.max_range**2)]
         for box in self.boxes:
             low, high = np.sort(np.reshape(box, (2, 3)), axis=0)
@@ -229,10 +230,14 @@ def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
 
 def refuse_other_unit(points: np.ndarray) -> None:
     """Raise InputError if finite points (N, 3), N >= 1, are in degrees, or too far from the sensor for meters."""
-    median, extent = np.abs(np.median(points[:, :2], axis=0)).max(), np.ptp(points, axis=0)
-    wide, high = extent[:2].max(), extent[2]
-    if 0 < wide < _MAX_DEGREES and min(high, median) > _LEAST_RATIO * wide:
-        raise InputError(f"these look like degrees, as x and y span {wide:.2g}, and z {high:.3g}: {DEGREES}")
+    *level, high = np.ptp(points, axis=0)
+    wide = max(level)
+    if 0 < wide < _MAX_DEGREES:
+        median = np.abs(np.median(points[:, :2], axis=0)).max()
+        if min(high, median) > _LEAST_RATIO * wide:
+            raise InputError(f"these look like degrees, as x and y span {wide:.2g}, and z {high:.3g}: {DEGREES}")
+    if np.abs(points).max() <= _MAX_WHOLE:
+        return
     far = float(np.median(np.abs(points).max(axis=1)))
     are_whole = far > _MAX_WHOLE and bool((points == np.round(points)).all())
     if far > _MAX_MEDIAN or are_whole:
