@@ -75,11 +75,13 @@ class HypothesisTest(PairFrames):
 
     def find_missed(self, finalists: list[Hypothesis]) -> list[Hypothesis]:
         """Further hypotheses from the whole grid's correlations under the finalists' refined rotations, at most as many
-        as finalists.
+        as finalists; none if planes hold the best finalist in all directions.
 
         Peaks under a rotation that is 2 degrees off are low and broad: if scans can slide, as along a quay or a pool,
         the true one may be missing.
         """
+        if not _has_weak_direction(finalists[0].fit):
+            return []
         R = Rotation.concatenate([finalist.fit.R for finalist in finalists])
         scores = np.array([finalist.rotation_score for finalist in finalists])
         kept = distinct(R, np.arange(len(finalists)), len(finalists), _SAME_ROTATION)

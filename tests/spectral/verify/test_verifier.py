@@ -187,6 +187,11 @@ class TestMissed:
         assert off(pair_test, missed[0]) < 1.0
         assert len(missed) <= len(beside)
 
+    def test_nothing_is_sought_if_planes_hold_the_best_in_all_directions(self, pair_test: HypothesisTest) -> None:
+        beside = hypothesis(TRUE.rotation, true_shift(pair_test) + ASIDE)
+        assert pair_test.find_missed([beside])
+        assert pair_test.find_missed([replace(beside, fit=replace(beside.fit, shares=np.full(6, 0.1)))]) == []
+
     def test_neither_finalists_nor_poses_beyond_bounds_are_found(self, pair_test: HypothesisTest, monkeypatch) -> None:
         level = replace(pair_test, bounds=Bounds(np.deg2rad(3.0), None, VOXEL))
         for test, offset in ((pair_test, 0 * ASIDE), (level, ASIDE)):
