@@ -53,8 +53,8 @@ class Dive:
         while not stop.is_set():
             again.begins()
             try:
+                self._choose()
                 if not self._map_until(stop):
-                    self._choose()
                     continue
                 if not self.is_recorded:
                     break
@@ -111,7 +111,10 @@ class Dive:
                 remedy = self.chosen.pop()
             else:  # two browsers chose the same
                 continue
-            keep_chosen(self.out, self.chosen)
+            try:
+                keep_chosen(self.out, self.chosen)
+            except InputError as error:
+                self._alert(f"what was chosen on the page is lost if the program is killed: {error}")
             if changes_scans(remedy):
                 forget_dive(self.out)
             self._alerts = [words for words in self._alerts if words not in self._of_mapping]
@@ -123,7 +126,9 @@ class Dive:
 
     @property
     def _choices(self) -> dict[str, Remedy | None]:
-        """The buttons of the page: each remedy, and None for the end of the last chosen one."""
+        """The buttons of the page: each remedy, and None for the end of the last chosen one; none after the dive."""
+        if self._state.status == "ended":
+            return {}
         choices: dict[str, Remedy | None] = {
             f"Use {each}": each for each in self._state.remedies if each not in self.chosen
         }

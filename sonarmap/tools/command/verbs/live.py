@@ -106,21 +106,21 @@ def command(
     if live.nmea is not None and priors.priors:
         raise InputError("--nmea and --priors both give navigation; leave one out")
     known = priors if live.nmea is None else replace(priors, priors=[out / NAME])
-    wanted = _Wanted(
+    options = _DiveOptions(
         inputs, output, live, method, Reading(known, reading, points), odometry, survey, earth, imu, as_json, quiet
     )
-    settings = wanted.settings()
+    settings = options.settings()
     require_effect(settings.method, bool(priors.priors))
     stamps = () if inputs else (time.time(),)
     may_be_placed = bool(inputs or known.priors)
     map_verb.check_options(output, method, earth, given(known) | given(odometry), stamps, may_be_placed)
     with LivePage(live.bind, live.port) as page:
-        chosen = _follow(wanted, page, listening)
-        _finish(settings, live.finish, page, lambda mapped: wanted.make_map(mapped, chosen))
+        chosen = _follow(options, page, listening)
+        _finish(settings, live.finish, page, lambda mapped: options.make_map(mapped, chosen))
 
 
 @dataclass(frozen=True, slots=True)
-class _Wanted:
+class _DiveOptions:
     """The options of a dive, for its mapping and the final map."""
 
     inputs: list[str]
@@ -212,7 +212,7 @@ def _make_map(
         raise InputError(f"{error}. The scans are kept; '{again}' with other options makes the map") from error
 
 
-def _follow(wanted: _Wanted, page: "LivePage", listening: Listening) -> "list[Remedy]":
+def _follow(options: _DiveOptions, page: "LivePage", listening: Listening) -> "list[Remedy]":
     """Show a dive until it ends; return the remedies that were chosen on the page. `listening` are the options of the
     recording and its end."""
     from sonarmap.tools.command.live.chosen import kept_chosen
@@ -220,7 +220,7 @@ def _follow(wanted: _Wanted, page: "LivePage", listening: Listening) -> "list[Re
     from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
     from sonarmap.tools.command.live.navigation import NavigationLog
 
-    settings, live = wanted.settings(), wanted.live
+    settings, live = options.settings(), options.live
     out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
     kept_settings = [settings.corrections, settings.method, settings.mapper]
     with ExitStack() as stack:
@@ -229,8 +229,8 @@ def _follow(wanted: _Wanted, page: "LivePage", listening: Listening) -> "list[Re
         stop = stack.enter_context(ending(listening.seconds))
         if live.onto is not None and not has_keys(out):
             _keep_map(live.onto, out)
-        show = stack.enter_context(status_line(wanted.quiet or wanted.as_json))
-        recording = None if wanted.inputs else stack.enter_context(_recording(out, listening, stop))
+        show = stack.enter_context(status_line(options.quiet or options.as_json))
+        recording = None if options.inputs else stack.enter_context(_recording(out, listening, stop))
         # if anything fails below, the recording continues
         with suppress(OSError):
             say(f"the map is shown at {' or '.join(page.addresses)}; Ctrl-C ends the dive")
@@ -238,7 +238,7 @@ def _follow(wanted: _Wanted, page: "LivePage", listening: Listening) -> "list[Re
             Thread(target=_open_browser, args=(page.address,), daemon=True).start()
         news = [each.said for each in (recording, navigation) if each is not None]
         show_state = lambda state, warnings: show([state.sentence], warnings, state.status)  # noqa: E731
-        dive = Dive(wanted.settings, out, page, show_state, recording is not None, news, kept_chosen(out))
+        dive = Dive(options.settings, out, page, show_state, recording is not None, news, kept_chosen(out))
         dive.follow(stop)
     try:
         say(f"the dive has ended{''.join(f'; {remedy} was chosen on the page' for remedy in dive.chosen)}")
