@@ -4,19 +4,17 @@
 // EDGE * EDGE) float2, the nearest and the farthest range of each cell, (INFINITY, -INFINITY) without a range; points
 // planar, 3 x count float32, from `valid` on padding; places (images) float4, the sensor positions of the images; poses
 // (n, 16) float32, the rows of [R | t] in the first 12, which move the first points to the frame of their images, and
-// their inverses the second points; jobs are the first images, then the second; out (jobs, n, TOLERANCES, 3) int32:
+// their inverses the second points; jobs are the first images, then the second; out (jobs, n, wanted, 3) int32:
 // numbers of points that agree, that contradict, and that fall into cells with a range. The cells are those of the
 // octahedral map (Engelhardt and Dachsbacher 2008): the sphere unfolded to a square through an octahedron. A point
 // agrees within `reach + slope * range` of the cell's ranges, and contradicts if it is nearer: the beam passed through
-// it. tolerances holds two of (reach, slope); the second is used if TOLERANCES is 2.
+// it. tolerances holds two of (reach, slope); the second is used if `wanted` is 2.
 // Precondition: counts are multiples of 8.
 #include "device/lanes.cl"
 #ifndef EDGE
 #define EDGE 128
 #endif
-#ifndef TOLERANCES
-#define TOLERANCES 1
-#endif
+#define TOLERANCES 2
 #define COUNTS (1 + 2 * TOLERANCES)
 
 #ifdef GPU
@@ -59,7 +57,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void agreement(
     __global const float* const views1, __global const float4* const places1, __global const float* const views2,
     __global const float4* const places2, __global const float* const points1, __global const float* const points2,
     __global const float16* const restrict poses, __global int* const restrict out, const int images1, const int count1,
-    const int valid1, const int count2, const int valid2, const float4 tolerances) {
+    const int valid1, const int count2, const int valid2, const int wanted, const float4 tolerances) {
     const size_t pose = get_global_id(1);
     const int job = get_global_id(2);
     const bool forth = job < images1;
@@ -90,12 +88,13 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void agreement(
         counts[0] += counted(hit);
 #pragma unroll
         for (int k = 0; k < TOLERANCES; ++k) {
+            if (k >= wanted) continue;
             const floatn tolerance = reaches[k] + slopes[k] * range;
             counts[1 + 2 * k] += counted(hit && range >= near - tolerance && range <= far + tolerance);
             counts[2 + 2 * k] += counted(hit && range < near - tolerance);
         }
     }
-    const size_t at = (job * get_global_size(1) + pose) * TOLERANCES;
+    const size_t at = (job * get_global_size(1) + pose) * wanted;
 #ifdef GPU
     __local int sums[COUNTS][GROUP];
     const int item = get_local_id(0);
@@ -105,10 +104,10 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void agreement(
         if (item < half_group)
             for (int k = 0; k < COUNTS; ++k) sums[k][item] += sums[k][item + half_group];
     }
-    if (item < TOLERANCES)
+    if (item < wanted)
         vstore3((int3)(sums[1 + 2 * item][0], sums[2 + 2 * item][0], sums[0][0]), at + item, out);
 #else
-    for (int k = 0; k < TOLERANCES; ++k)
+    for (int k = 0; k < wanted; ++k)
         vstore3((int3)(sum8(counts[1 + 2 * k]), sum8(counts[2 + 2 * k]), sum8(counts[0])), at + k, out);
 #endif
 }

@@ -83,11 +83,10 @@ def agreement(
         arrays = [cast(cla.Array, array) for viewing in shown for array in (viewing.views, viewing.viewpoints)]
         arrays += [viewing.points[0] for viewing in both]
         sizes = [np.int32(size) for viewing in both for size in (viewing.points[0].shape[1], viewing.points[1])]
-        numbers = np.int32(images[0]), *sizes, _float4(*tolerances[0], *tolerances[-1])
-        size, defines = (1 if device.is_cpu else _GROUP, n, sum(images)), {"TOLERANCES": len(tolerances)}
-        defines["EDGE"] = arrays[0].shape[1]
+        numbers = np.int32(images[0]), *sizes, np.int32(len(tolerances)), _float4(*tolerances[0], *tolerances[-1])
+        size, edge = (1 if device.is_cpu else _GROUP, n, sum(images)), arrays[0].shape[1]
         arguments = *arrays, poses, counts, *numbers
-        launch(device, "points/visibility", "agreement", size, *arguments, group=(size[0], 1, 1), **defines)
+        launch(device, "points/visibility", "agreement", size, *arguments, group=(size[0], 1, 1), EDGE=edge)
     copy = Readback(device, counts)
     return Pending(lambda: np.split(copy.read().astype(np.int64), np.cumsum(images)[:-1]))
 

@@ -37,8 +37,8 @@ def voxelize(
     volume = output(device, out, "out", (edge, edge, edge))
     zero(device, volume)
     if count:
-        arguments = points, volume, np.int32(count), pose
-        launch(device, "points/voxelize", "voxelize", (count, 1), *arguments, group="points", EDGE=edge)
+        arguments = points, volume, np.int32(count), np.int32(edge), pose
+        launch(device, "points/voxelize", "voxelize", (count, 1), *arguments, group="points")
     return volume
 
 
@@ -59,10 +59,8 @@ def voxelize_poses(
     require_array(marks, "marks", (most, -(-(edge**2) // 8)), np.int32)
     require_array(poses, "poses", (None, 20))
     if points_count:
-        arguments = points, volumes, marks, poses, np.int32(points_count), np.int32(first)
-        launch(
-            device, "points/voxelize", "voxelize_poses", (points_count, count), *arguments, group="points", EDGE=edge
-        )
+        arguments = points, volumes, marks, poses, np.int32(points_count), np.int32(edge), np.int32(first)
+        launch(device, "points/voxelize", "voxelize_poses", (points_count, count), *arguments, group="points")
 
 
 def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:

@@ -157,7 +157,7 @@ class Correlator:
         """Queue the spectra of the points under a batch of poses; fused passes do not transform the first axis yet."""
         if not self._clean:
             zero(self.device, self._volumes)
-            self._marks.fill(0)
+            zero(self.device, self._marks)
         self._clean = False
         voxelize_poses(self.device, points, self._volumes, self._marks, rows, first, now)
         self._passes.forward(self._volumes, self._marks, self._spectra, now)

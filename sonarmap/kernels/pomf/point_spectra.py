@@ -64,7 +64,7 @@ class PointSpectra:
         """Queue the fused passes, which leave the volume empty."""
         if not self._clean:
             zero(self._device, self._volume)
-            self._marks.fill(0)
+            zero(self._device, self._marks)
         self._clean = False
         voxelize_poses(self._device, points, self._volume, self._marks, self._pose, 0, 1)
         arrays = self._volume, self._marks, self._filled, out[0]

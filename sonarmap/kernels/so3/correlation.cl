@@ -124,3 +124,5 @@ __kernel void synthesize(__global const float* const restrict wigner, __global c
         vstore2(sums[part], (((size_t)part * get_global_size(2) + beta) * EDGE + row) * PITCH + n, out);
 }
 #endif
+
+#include "so3/peaks.cl"

@@ -86,7 +86,7 @@ class RotationCorrelation:
         self._wigner = device.to_device(tabulated)
         self._plans: dict[int, _Plan] = {}
         self._group = None if device.is_cpu else (_GROUP, 1, 1)
-        self._launch = partial(launch, device, EDGE=self.edge)
+        self._launch = partial(launch, device, "so3/correlation", EDGE=self.edge, BANDWIDTH=bandwidth)
 
     def correlate(
         self, target: cla.Array, source: cla.Array, parts: Sequence[tuple[int, int]] | None = None
@@ -114,12 +114,12 @@ class RotationCorrelation:
         # the gain undoes the division by the inverse transform
         numbers = np.int32(layers), np.float32(self.edge**2)
         size = (orders, degrees, len(ranges)) if cpu else (_padded(self.bandwidth), orders, degrees * len(ranges))
-        shared = {"group": self._group, "PARTS": len(ranges), "BANDWIDTH": self.bandwidth}
-        self._launch("so3/correlation", "multiply", size, *arrays, *numbers, **shared)
+        self._launch("multiply", size, *arrays, *numbers, group=self._group, PARTS=len(ranges))
         images = len(self.betas) + 1
         size = (images, self.edge) if cpu else (_padded(row_pitch(self.edge)), self.edge, images)
         arrays = self._wigner, plan.products, plan.spectrum
-        self._launch("so3/correlation", "synthesize", size, *arrays, np.int32(len(self.betas)), **shared)
+        arguments = *arrays, np.int32(len(self.betas))
+        self._launch("synthesize", size, *arguments, group=self._group, PARTS=len(ranges))
         correlation = plan.fft.inverse(plan.spectrum, out=plan.correlation)
         return correlation.reshape(len(ranges), images, self.edge, self.edge)
 
@@ -133,7 +133,8 @@ class RotationCorrelation:
         cpu = self.device.is_cpu
         size = (images - 1, parts) if cpu else (self.edge**2, images - 1, parts)
         group = None if cpu else (self.edge // 4, 1, 1)
-        self._launch("so3/peaks", "local_maxima", size, correlation, plan.peaks, np.int32(images), group=group)
+        arguments = correlation, plan.peaks, np.int32(images)
+        self._launch("local_maxima", size, *arguments, group=group, PARTS=parts)
         rows = plan.peaks[: 1 + _FIRST_PEAKS].get()
         counts = rows[0, :, 0].view(np.int32)
         if counts.max() > _FIRST_PEAKS:

@@ -1,4 +1,5 @@
 // Double precision where the device has it: the information on a pose may differ by a factor of 1e9 between directions.
+#ifndef RECORD
 #if FP64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 typedef double real;
@@ -44,3 +45,4 @@ static float16 pose_of(__global const real* const record) {
     return (float16)(record[0], record[1], record[2], record[9], record[3], record[4], record[5], record[10], record[6], record[7],
                      record[8], record[11], 0.0f, 0.0f, 0.0f, 0.0f);
 }
+#endif

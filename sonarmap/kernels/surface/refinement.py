@@ -93,7 +93,9 @@ class Refinement:
         rigid."""
         self.device, self._weighting = device, weighting
         self._real = np.float64 if "cl_khr_fp64" in device.cl_device.extensions else np.float32
-        self._launch = partial(launch, device, FP64=int(self._real is np.float64))
+        macros = {"PART": _PART, "FP64": int(self._real is np.float64)}
+        macros |= {"BELL": weighting.bell, "WIDE_BELL": weighting.wide_bell, "BELLS": weighting.bells}
+        self._launch = partial(launch, device, "surface/refinement", **macros)
         self._noise = [self._real(value) for value in astuple(noise)]
         self._stretches = np.int32(stretches)
         self._surfaces: list[cla.Array | np.generic] = []
@@ -145,11 +147,11 @@ class Refinement:
         cpu, poses = self.device.is_cpu, self._rows.shape[0]
         group = (1 if cpu else 256, 1)
         size, arguments = (self._parts * group[0], poses), self._pairs()
-        self._launch("surface/equations", "add_up", size, *arguments, group=group, LANES=group[0], PART=_PART)
+        self._launch("add_up", size, *arguments, group=group, LANES=group[0])
         lanes = 1 if cpu else 64
         arguments = self._sums, self._records, self._terms, self._poses, np.int32(self._parts), np.int32(moves)
         numbers = self._measured, self._stretches, *self._noise
-        self._launch("surface/solve", "solve", (lanes, poses), *arguments, *numbers, group=(lanes, 1), LANES=lanes)
+        self._launch("solve", (lanes, poses), *arguments, *numbers, group=(lanes, 1), LANES=lanes)
 
     def read(self) -> Pending[np.ndarray]:
         """Queue a read of the records, (k,) RECORD; axes and doubts are those of `end`."""
@@ -161,10 +163,10 @@ class Refinement:
         this step."""
         # the sums are added up by now: the doubts may overwrite them
         lanes, size = 1 if self.device.is_cpu else 256, (8 * self._parts, self._rows.shape[0])
-        self._launch("surface/equations", "add_doubts", size, *self._pairs(), LANES=lanes, PART=_PART)
+        self._launch("add_doubts", size, *self._pairs(), LANES=lanes)
         lanes, size = 1 if self.device.is_cpu else 64, (8, self._rows.shape[0])
         arguments = self._sums, self._records, np.int32(self._parts)
-        self._launch("surface/solve", "add_parts", size, *arguments, LANES=lanes)
+        self._launch("add_parts", size, *arguments, LANES=lanes)
         return self._poses, self.read()
 
     def _pairs(self) -> tuple[cla.Array | np.generic, ...]:
@@ -177,14 +179,8 @@ class Refinement:
         weighting, poses = self._weighting, self._rows.shape[0]
         near = reach < weighting.measured
         lanes = 1 if self.device.is_cpu else 64
-        defines = {
-            "LANES": lanes,
-            "BELL": float(weighting.bell),
-            "WIDE_BELL": float(weighting.wide_bell),
-            "BELLS": float(weighting.bells),
-        }
         arguments = *self._surfaces, self._records, self._rows, np.float32(reach), np.int32(near)
-        self._launch("surface/pairs", "pairs", (padded(self._count), poses), *arguments, group=(GROUP, 1), **defines)
+        self._launch("pairs", (padded(self._count), poses), *arguments, group=(GROUP, 1), LANES=lanes)
         if not near:
             arguments = self._rows, self._records, np.int32(self._count)
-            self._launch("surface/pairs", "widths", (lanes, poses), *arguments, group=(lanes, 1), **defines)
+            self._launch("widths", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)

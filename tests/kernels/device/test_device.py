@@ -190,10 +190,10 @@ class TestPrograms:
         assert "missing_name" in str(raised.value)
 
     def test_are_built_once_per_process(self, device: Device) -> None:
-        assert device.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)
-        assert device.program("points/voxelize", EDGE=16) is not device.program("points/voxelize", EDGE=32)
+        assert device.program("so3/peaks", EDGE=16) is device.program("so3/peaks", EDGE=16)
+        assert device.program("so3/peaks", EDGE=16) is not device.program("so3/peaks", EDGE=32)
         other = Device(device.cl_device, flavor=device.flavor)
-        assert other.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)
+        assert other.program("so3/peaks", EDGE=16) is device.program("so3/peaks", EDGE=16)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
