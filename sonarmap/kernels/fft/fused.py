@@ -163,18 +163,13 @@ _SUMS = 10
 _HEADER = '#include "device/complex.cl"\n#include "pomf/whitening.cl"'
 
 
-def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
-    """Program of the kernels `correlate` and `near`, which follow `planes`."""
+def emit_correlation(layout: Layout, exponents: tuple[float, ...]) -> str:
+    """Program of the kernels `correlate` and `near`, which follow `emit_planes`; and of the kernel `planes`: the last
+    two axes of the inverse transform, with the maxima of its rows."""
     stride, edges = 2 * layout.shape[1] * layout.pitch, Edges(layout.shape[0], sheet_width(layout))
-    parts = [_HEADER, *tables(layout, inverse=False)]
+    parts = [_HEADER, *tables(layout, inverse=True)]
     parts += [_correlate_columns(edges, stride, exponents), _correlate(layout, exponents)]
     parts += [_near_columns(edges, stride, exponents[0]), _near(layout)]
-    return "\n".join(parts)
-
-
-def emit_inverse(layout: Layout) -> str:
-    """Program of the kernel `planes`: the last two axes of the inverse transform, with the maxima of its rows."""
-    parts = [_HEADER, *tables(layout, inverse=True)]
     parts.append(columns("columns_1", 2 * layout.pitch, Edges(layout.shape[1], 1), inverse=True))
     return "\n".join([*parts, real_rows(layout, inverse=True, maxima=True), _planes_with_maxima(layout)])
 

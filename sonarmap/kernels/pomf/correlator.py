@@ -132,9 +132,9 @@ class Correlator:
         rows = np.zeros((len(places), 4), np.float32)
         rows[:, :3] = places
         at, out = self.device.to_device(rows), self.device.empty((len(self.exponents), len(rows)))
-        numbers = np.int32(self.edge), np.int32(len(rows))
-        arrays = self._values, at, out
-        launch(self.device, "pomf/sample", "sample", out.shape[::-1], *arrays, *numbers, group=None)
+        arguments = self._values, at, out, np.int32(self.edge), np.int32(len(rows))
+        lanes = 8 if self._passes.clears else 1
+        launch(self.device, "pomf/near", "sample", out.shape[::-1], *arguments, group=None, LANES=lanes)
         copy = Readback(self.device, out)
         return Pending(copy.read)
 

@@ -59,10 +59,10 @@ class FusedPasses(_Tables):
         self._exponents, self.parts = len(exponents), edge // sheet_width(layout)
         # which planes of the volumes hold points
         self._filled = device.empty((most, edge), np.int32)
-        forward = device.build(fused.emit_forward(layout, exponents), name="fused")
+        program = device.build(fused.emit_correlation(layout, exponents), name="fused")
         self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
-        self._correlate, self._near = cl.Kernel(forward, "correlate"), cl.Kernel(forward, "near")
-        self._back = cl.Kernel(device.build(fused.emit_inverse(layout), name="fused"), "planes")
+        self._correlate, self._near = cl.Kernel(program, "correlate"), cl.Kernel(program, "near")
+        self._back = cl.Kernel(program, "planes")
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
         """Transform the volumes; fused passes leave the first axis to `correlate` or `near`."""
