@@ -26,6 +26,7 @@ from sonarmap.spectral.prepare.range_image import scan_view
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan, signature
 from sonarmap.spectral.prepare.surface import smooth_surface, smoothed_further
 from sonarmap.spectral.prior import relative_prior
+from sonarmap.spectral.rehearsal import rehearse_apart
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations
@@ -73,6 +74,7 @@ class SpectralRegistrar(GridRegistrar):
         """Plan everything that does not depend on the scans; DeviceError if the device has too little memory."""
         self.config = config or SpectralConfig()
         super().__init__(device, grid, memory_plan(grid.edge))
+        rehearse_apart(device, grid.edge)
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
         self._preparer = Preparer(device, grid, self.config.use_strength)
         self._verifier = Verifier(device, grid.edge)

@@ -33,15 +33,23 @@ def compile_program(context: cl.Context, source: str, options: tuple[str, ...]) 
     """Compile OpenCL C for `Device.build`, with a line in the log if these kernels are new to the device; cl.Error if
     it fails."""
     device = context.devices[0]
-    record = f"compiled-{digest(*identity(device), str(kernel_cache()), kernels_digest())}"
-    if not recall(record):
+    if are_new(device):
         name = device.name.strip()
         LOGGER.info(f"compiling kernels for {name}, once: this takes some seconds")
-        remember(record, {"device": name})
+        remember(_record_name(device), {"device": name})
     program = cl.Program(context, complete(source))
     with warnings.catch_warnings():  # tests/kernels/device/test_compiled.py shows what compilers warn of
         warnings.simplefilter("ignore", cl.CompilerWarning)
         return program.build([*options])
+
+
+def are_new(device: cl.Device) -> bool:
+    """Whether these kernels were never compiled for the device, or its driver keeps them in another folder now."""
+    return not recall(_record_name(device))
+
+
+def _record_name(device: cl.Device) -> str:
+    return f"compiled-{digest(*identity(device), str(kernel_cache()), kernels_digest())}"
 
 
 @cache

@@ -69,8 +69,9 @@ class Correlator:
         poses. `blur` is the standard deviation of the Gaussian that correlations are convolved with [voxels]."""
         self.device, self.edge, self.exponents, self.most = device, edge, exponents, most
         cubes = most * len(exponents)
-        self._volumes = device.empty((most, edge, edge, edge))
-        self._marks = device.empty((most, -(-(edge**2) // 8)), np.int32)
+        # empty at first, so that a CPU needs no kernel to clear them
+        self._volumes = device.to_device(np.zeros((most, edge, edge, edge), np.float32))
+        self._marks = device.to_device(np.zeros((most, -(-(edge**2) // 8)), np.int32))
         self._spectra = device.empty((cubes, edge, edge, row_pitch(edge)), np.complex64)
         self._passes = make_passes(device, edge, blur, exponents, most)
         # correlations, the maxima of their rows, and the energies of their spectra
@@ -79,7 +80,7 @@ class Correlator:
         # thresholds and local maxima of the correlations; see choose.cl
         self._states = device.empty((cubes, 4))
         self._maxima = device.empty((cubes, _CAPACITY, _RECORD), np.int32)
-        self._clean = False
+        self._clean = True
 
     def find(
         self, points: cla.Array, poses: Sequence[Pose], targets: Sequence[cla.Array], count: int, separation: float

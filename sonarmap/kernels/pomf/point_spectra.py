@@ -23,7 +23,7 @@ class PointSpectra:
     ) -> None:
         """Build the kernels for volumes of `edge` voxels; with `magnitudes`, `transform` fills an array of them too."""
         self._device, self._edge, self.exponents, self._with_magnitudes = device, edge, exponents, magnitudes
-        self._volume = device.empty((1, edge, edge, edge))
+        self._volume = device.to_device(np.zeros((1, edge, edge, edge), np.float32))
         # the fused passes need an edge that is a multiple of 8
         self._fft = None if device.is_cpu and edge % 8 == 0 else RealFFT(device, (edge, edge, edge))
         if self._fft is None:
@@ -33,14 +33,14 @@ class PointSpectra:
         """Plan the fused passes for a CPU, a work-item per plane or sheet; see `kernels.fft.fused`."""
         device, edge = self._device, self._edge
         self._sheet_count = edge // sheet_width(layout)
-        self._marks = device.empty((1, edge**2 // 8), np.int32)
+        self._marks = device.to_device(np.zeros((1, edge**2 // 8), np.int32))
         self._filled = device.empty((edge,), np.int32)
         pose = np.append(affine_rows(None, np.full(3, edge / 2 + 0.5)).ravel(), np.zeros(4))
         self._pose = table(device, pose[None].astype(np.float32))
         source = emit_spectra(layout, self.exponents, self._with_magnitudes, column_lanes(device))
         self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
         self._sheets = cl.Kernel(device.build(source, name="spectra"), "sheets")
-        self._clean = False
+        self._clean = True  # so that a CPU needs no kernel to clear the volume
 
     def transform(self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None = None) -> None:
         """Queue the transform of the points' volume.

@@ -189,7 +189,7 @@ class Verifier:
         # ratio of the error of coarse candidates to that on a grid of half the edge
         self.coarser = max(1.0, edge / self.coarse_edge / 2)
         self.translation = Translation(device, edge)
-        self._coarse = Translation(device, self.coarse_edge, WHITENINGS)
+        self.coarse = Translation(device, self.coarse_edge, WHITENINGS)
 
     def candidates(
         self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
@@ -201,10 +201,10 @@ class Verifier:
         """
         scale = self.edge / self.coarse_edge
         coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
-        found = self._coarse.find_within(target.coarse, source.coarse, rotations.R, coarse_boxes, _PEAKS, _SEPARATION)
+        found = self.coarse.find_within(target.coarse, source.coarse, rotations.R, coarse_boxes, _PEAKS, _SEPARATION)
         usual = np.array([_usual_height(found, exponent) for exponent in range(len(WHITENINGS))])
         psr = found.peaks.psr * (usual[0] / usual)[found.exponent]
-        bounded = [self._coarse.is_bounded(box) for box in coarse_boxes]
+        bounded = [self.coarse.is_bounded(box) for box in coarse_boxes]
         return self._candidates(rotations, bounded, found, found.peaks.shift * scale, psr)
 
     def fine_candidates(
@@ -263,7 +263,7 @@ class Verifier:
 
     def observe_directions(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> Pending[Observability]:
         """Queue the observability at a refined pose, on the coarse grid."""
-        return observe_directions(self._coarse, target.coarse, source.coarse, fit, self.coarse_edge / self.edge)
+        return observe_directions(self.coarse, target.coarse, source.coarse, fit, self.coarse_edge / self.edge)
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]

@@ -1,0 +1,95 @@
+"""Compile the kernels of a registration's later stages in another process, while this one begins a first registration.
+
+PoCL compiles each kernel at its first launch, one at a time in a process, and keeps it in a folder that processes
+share. The other process runs the later stages on a few points, and this one finds their kernels compiled.
+"""
+
+import atexit
+import subprocess
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sonarmap.kernels.child import command_of, environment
+from sonarmap.kernels.device.device import Array, Device, choose_device
+from sonarmap.kernels.device.source import are_new
+from sonarmap.kernels.device.threads import thread_count
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.spectral.memory import memory_plan
+from sonarmap.spectral.prepare.range_image import FINE, scan_view, visibility
+from sonarmap.spectral.prepare.surface import smooth_surface
+from sonarmap.spectral.translation import Translation
+from sonarmap.spectral.verify.icp import Stage, Start, refine
+from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Verifier, shared_surfaces
+
+_POCL = "Portable Computing Language"  # other drivers compile whole programs, and some keep none
+_ROOM = 4  # pairs that the device has to have memory for; the rehearsal takes less than one
+
+
+def rehearse_apart(device: Device, edge: int) -> None:
+    """Start the other process if the kernels are new to a processor of PoCL with a second core and enough memory."""
+    is_pocl = device.is_cpu and device.selector and device.cl_device.platform.name == _POCL
+    is_roomy = device.memory >= _ROOM * memory_plan(edge).pair
+    if not (is_pocl and is_roomy and thread_count() > 1 and are_new(device.cl_device)):
+        return
+    nowhere = subprocess.DEVNULL
+    with suppress(OSError):  # without the process, this one compiles all kernels
+        process = subprocess.Popen(
+            command_of(__name__, device.selector, str(edge)),
+            stdin=nowhere,
+            stdout=nowhere,
+            stderr=nowhere,
+            env=environment(),
+        )
+        atexit.register(process.kill)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """In the other process: run the later stages, in their order, on the device and the edge that are named."""
+    device, edge = choose_device(arguments[0]), int(arguments[1])
+    _rehearse_surfaces(device)
+    verifier = Verifier(device, edge)
+    coarse, fine = _Shifts.of(verifier.coarse), _Shifts.of(verifier.translation)
+    for shifts in (coarse, fine):
+        shifts.find()
+    for shifts in (fine, coarse):
+        shifts.look_near()
+
+
+def _rehearse_surfaces(device: Device) -> None:
+    """Smooth a surface, refine a pose of it to itself, and observe that pose."""
+    points, here = np.random.default_rng(0).uniform(-9, 9, (300, 3)), np.zeros((1, 3))
+    surface = smooth_surface(device, sort_into_cells(device, points), [here[0]]).read()
+    start = Start(Rotation.identity(1), here, np.zeros(1))
+    poses = refine(device, surface, surface, start, [Stage((3.0, 1.5), 100)]).poses
+    view = scan_view(device, points, points, np.zeros_like(points))
+    visibility(device, view, view, poses, [FINE]).read()
+    shared_surfaces(device, surface, surface, poses, SURFACE_POINTS).read()
+
+
+@dataclass(frozen=True, slots=True)
+class _Shifts:
+    """Shifts of a volume to itself; its spectra are constant, so that the correlation has a single peak."""
+
+    translation: Translation
+    points: Array
+    spectra: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, translation: Translation) -> "_Shifts":
+        device, edge = translation.device, translation.edge
+        flat = device.to_device(np.ones((edge, edge, row_pitch(edge)), np.complex64))
+        point = device.to_device(np.ones((1, 4), np.float32))
+        return cls(translation, point, (flat,) * len(translation.exponents))
+
+    def find(self) -> None:
+        self.translation.find_within(self, self, Rotation.identity(1), [None], 1, 1.0)
+
+    def look_near(self) -> None:
+        R, here = Rotation.identity(1), np.zeros((1, 3))
+        self.translation.find_at(self, self, R, here).read()
+        self.translation.profile(self, self, Rotation.identity(), here).read()
