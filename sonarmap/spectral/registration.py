@@ -26,13 +26,13 @@ from sonarmap.spectral.prepare.range_image import scan_view
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan, signature
 from sonarmap.spectral.prepare.surface import smooth_surface, smoothed_further
 from sonarmap.spectral.prior import relative_prior
-from sonarmap.spectral.rehearsal import rehearse_apart
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
+from sonarmap.spectral.verify.rehearsal import rehearse_apart
 from sonarmap.spectral.verify.verifier import Observability, Verifier
 
 

@@ -1,7 +1,7 @@
-"""Compile the kernels of a registration's later stages in another process, while this one begins a first registration.
+"""Compile the kernels of a hypothesis test in another process, while this one prepares its first scans.
 
 PoCL compiles each kernel at its first launch, one at a time in a process, and keeps it in a folder that processes
-share. The other process runs the later stages on a few points, and this one finds their kernels compiled.
+share. The other process tests a pose on a few points, and this one finds the kernels compiled.
 """
 
 import atexit
@@ -49,7 +49,7 @@ def rehearse_apart(device: Device, edge: int) -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: run the later stages, in their order, on the device and the edge that are named."""
+    """In the other process: launch all kernels in the order of a test, on the device and the edge that are named."""
     device, edge = choose_device(arguments[0]), int(arguments[1])
     _rehearse_surfaces(device)
     verifier = Verifier(device, edge)

@@ -1,4 +1,4 @@
-"""The rehearsal of a registration's later stages in another process, where kernels were never compiled."""
+"""The rehearsal of a hypothesis test in another process, where its kernels were never compiled."""
 
 from collections.abc import Callable
 
@@ -7,10 +7,10 @@ import pyopencl as cl
 import pytest
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.spectral import rehearsal
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.verify import rehearsal
 
 EDGE = 64
 Launch = tuple[int, str, tuple[int, ...]]  # program, kernel and work-group, which PoCL compiles for
@@ -23,8 +23,7 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], object]]
     plain = cl.Kernel.__call__
 
     def noted(kernel: cl.Kernel, queue: cl.CommandQueue, size: tuple, group: tuple, *arguments: object) -> cl.Event:
-        program = kernel.get_info(cl.kernel_info.PROGRAM).int_ptr
-        launches.add((program, kernel.function_name, tuple(group)))
+        launches.add((kernel.program.int_ptr, kernel.function_name, tuple(group)))
         return plain(kernel, queue, size, group, *arguments)
 
     def run(function: Callable[[], object]) -> set[Launch]:
