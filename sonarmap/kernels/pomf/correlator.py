@@ -176,8 +176,8 @@ class Correlator:
         fused = self._passes.clears
         wanted, cubes = (out.shape[2] - 4) // _RECORD, now * len(self.exponents)
         rows, rows_per_item, width = self.edge**2, _ROWS_PER_ITEM if fused else 1, 1 if fused else _GROUP
-        macros = dict.fromkeys(("IMAGES", "HEIGHT", "LENGTH"), self.edge) | {"ROWS": rows_per_item, "WIDTH": width}
-        counts = np.int32(now), np.int32(first)
+        macros = {"ROWS": rows_per_item, "WIDTH": width}
+        counts = np.int32(now), np.int32(first), np.int32(self.edge)
         parts, searched = np.int32(self._passes.parts), np.int32(min(_ROWS_PER_PEAK * wanted, rows))
         arrays = self._tops, self._energies, poses, self._states, parts, searched
         launch(self.device, "pomf/choose", "threshold", (cubes * width,), *arrays, *counts, group=(width,), **macros)

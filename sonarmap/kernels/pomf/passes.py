@@ -125,8 +125,7 @@ class SinglePasses(_Tables):
             self._fft.inverse(spectra[c], out=correlations[c])
         launch(
             self._device, "pomf/choose", "row_maxima", (cubes * edge**2 * _WIDTH,), correlations, tops, poses,
-            np.int32(count), np.int32(first), group=(_WIDTH,),
-            IMAGES=edge, HEIGHT=edge, LENGTH=edge, WIDTH=_WIDTH,
+            np.int32(count), np.int32(first), np.int32(edge), group=(_WIDTH,), WIDTH=_WIDTH,
         )  # fmt: skip
 
     def near(
