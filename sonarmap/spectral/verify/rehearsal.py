@@ -49,15 +49,17 @@ def rehearse_apart(device: Device, edge: int) -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: launch all kernels in the order of a test, on the device and the edge that are named."""
+    """In the other process: launch the kernels of a test on the device and the edge that are named. What comes last is
+    the first process's own work if it is there by then, so that the two do not compile the same kernels in step."""
     device, edge = choose_device(arguments[0]), int(arguments[1])
     _rehearse_surfaces(device)
     verifier = Verifier(device, edge)
     coarse, fine = _Shifts.of(verifier.coarse), _Shifts.of(verifier.translation)
-    for shifts in (coarse, fine):
-        shifts.find()
-    for shifts in (fine, coarse):
-        shifts.look_near()
+    coarse.find()
+    fine.look_near()
+    coarse.look_near()
+    coarse.sample()
+    fine.find()
 
 
 def _rehearse_surfaces(device: Device) -> None:
@@ -90,6 +92,7 @@ class _Shifts:
         self.translation.find_within(self, self, Rotation.identity(1), [None], 1, 1.0)
 
     def look_near(self) -> None:
-        R, here = Rotation.identity(1), np.zeros((1, 3))
-        self.translation.find_at(self, self, R, here).read()
-        self.translation.profile(self, self, Rotation.identity(), here).read()
+        self.translation.find_at(self, self, Rotation.identity(1), np.zeros((1, 3))).read()
+
+    def sample(self) -> None:
+        self.translation.profile(self, self, Rotation.identity(), np.zeros((1, 3))).read()
