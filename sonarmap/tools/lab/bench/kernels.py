@@ -1,4 +1,4 @@
-"""The cases of all kernels, and their timing. A new case is a function of a `Workload` and a line in CASES."""
+"""Times the kernels of all cases."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -8,37 +8,10 @@ import numpy as np
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.trace import Counts, tracing
-from sonarmap.tools.lab.bench import resampling_cases as resampling
-from sonarmap.tools.lab.bench import rotation_cases as rotations
-from sonarmap.tools.lab.bench import spectra_cases as spectra
-from sonarmap.tools.lab.bench.case import KernelCase
+from sonarmap.tools.lab.bench.cases import CASES, KernelCase
 from sonarmap.tools.lab.bench.stages import BUILDS, build_seconds, clocked
 from sonarmap.tools.lab.bench.timing import interleave, timed
 from sonarmap.tools.lab.bench.workload import Workload
-
-CASES: tuple[Callable[[Workload], KernelCase], ...] = (
-    spectra.copy_case,
-    spectra.real_forward_case,
-    spectra.real_inverse_case,
-    resampling.voxelize_case,
-    spectra.magnitude_case,
-    spectra.whiten_case,
-    spectra.cross_power_case,
-    spectra.prepare_case,
-    spectra.correlate_case,
-    spectra.find_peaks_case,
-    resampling.sample_case,
-    resampling.normalize_layers_case,
-    resampling.polar_magnitude_case,
-    rotations.correlate_rotations_case,
-    rotations.rotation_peaks_case,
-    rotations.agreement_case,
-    rotations.find_case,
-    rotations.near_case,
-    resampling.nearest_case,
-    resampling.planes_case,
-)
-
 
 _TRACED = 7  # number of runs that are timed by the device's clock
 

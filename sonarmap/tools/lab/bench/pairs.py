@@ -122,7 +122,7 @@ def measure_pairs(
 
 def _with_longest(seconds: Sequence[float]) -> dict[str, float]:
     times = summarize(seconds)
-    return asdict(times) | {"most_over_median": times.most_over_median}
+    return asdict(times) | {"most_over_median": times.most / times.median}
 
 
 # Of a pair: seconds to prepare each scan, seconds to register them, whether the result is accepted and is right

@@ -22,9 +22,9 @@ from sonarmap.slam.execute.processes import spawned
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.user_file import package_versions
-from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
+from sonarmap.tools.lab.bench.cases import CASES, peer_versions
+from sonarmap.tools.lab.bench.kernels import measure_kernels
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
-from sonarmap.tools.lab.bench.spectra_cases import peer_versions
 from sonarmap.tools.lab.bench.stages import SURVEY_STAGES, clocked
 from sonarmap.tools.lab.bench.timing import count_cores, load_average, measure_copy_rate, processor_name
 from sonarmap.tools.lab.simulate.folder import write_simulation

@@ -27,11 +27,6 @@ class Times:
     least: float
     most: float
 
-    @property
-    def most_over_median(self) -> float:
-        """The largest over the median; 1 if all measurements are equal."""
-        return self.most / self.median
-
 
 def summarize(seconds: Sequence[float]) -> Times:
     """The statistics of one or more durations [s]."""

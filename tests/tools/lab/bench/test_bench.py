@@ -11,9 +11,9 @@ from typer.testing import CliRunner, Result
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
+from sonarmap.tools.lab.bench.cases import CASES, magnitude_case, real_forward_case
+from sonarmap.tools.lab.bench.kernels import measure_kernels
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
-from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
 from sonarmap.tools.lab.bench.timing import interleave
 
