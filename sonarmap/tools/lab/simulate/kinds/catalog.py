@@ -3,9 +3,8 @@
 from types import MappingProxyType
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.kinds.draws import ViewKind
 from sonarmap.tools.lab.simulate.kinds.imaging import IMAGING
-from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, KindPair
+from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, KindPair, ViewKind
 from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
 from sonarmap.tools.lab.simulate.kinds.patch import PATCH
 from sonarmap.tools.lab.simulate.kinds.profiler import PROFILER

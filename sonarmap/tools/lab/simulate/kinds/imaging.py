@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.lab.simulate.kinds.kind import FROM_ABOVE
-from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
+from sonarmap.tools.lab.simulate.kinds.partners import Instrument, SweepKind
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, pick, walk
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 from sonarmap.tools.lab.simulate.viewpoints import heading_at
@@ -27,7 +27,6 @@ ABOVE = (0.06, 0.16)  # height of a stack of tilts above the ground, in shares o
 WALLED = ("floodgate", "harbor", "bridge", "pool")  # scenes with walls to see from beside them
 STACKED_BY_DEPTH = 2 / 3  # share of stacks of depths in these scenes
 THRESHOLD = 0.005  # of an echo, relative to that of a near wall
-CELL = 1 / 400  # length of the pulse, in shares of the maximum range
 DETECTORS = (0.25, 1.0)  # share of the strongest echo's energy at which the first one is detected
 
 # Standard deviations at either end of a stack against its middle
@@ -42,11 +41,10 @@ SIDE_LOBES = (0.01, 0.04)  # share of beams with the image's strongest echo, thr
 
 
 @dataclass(frozen=True, slots=True)
-class Imager:
+class Imager(Instrument):
     """An imaging sonar on its vehicle."""
 
-    water: Water
-    fan: Fan  # its beams
+    pulse = 1 / 400
     by_depth: bool  # whether images are stacked over depths, else over tilts
     detector: float  # share of the strongest echo's energy at which an earlier one is detected
     multipath: float  # share of the beams whose echo is multipath
@@ -72,7 +70,7 @@ class Imager:
         self, ranges: np.ndarray, strengths: np.ndarray, sweep: Sweep, rng: np.random.Generator | None
     ) -> Returns:
         """One echo per beam, speckled; some are multipath, some came through a side lobe."""
-        cell = CELL * self.fan.sensor.max_range
+        cell = self.pulse * self.fan.sensor.max_range
         if rng is None:
             return pick(self.fan, ranges, strengths, cell, self.detector)
         speckled = strengths * rng.standard_exponential(strengths.shape)

@@ -1,15 +1,15 @@
 """Search for two sweeps of a scene with a wanted overlap: few rays propose, all rays decide."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.kinds.draws import noise_of, pair_draws
-from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF, KindPair
+from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF, KindPair, noise_of, pair_draws
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, meet, pick, true_points, write_scan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
@@ -25,25 +25,28 @@ STRUCTURE = 0.05  # least share of a scan's points there that are off their best
 BED_RELIEF = 0.015  # least distance of these from the plane, in shares of the maximum range
 
 
-class Instrument(Protocol):
+@dataclass(frozen=True, slots=True)
+class Instrument(ABC):
     """A sonar with its vehicle in a scene: where it may sweep, and which echoes it picks."""
 
-    @property
-    def fan(self) -> Fan: ...
+    pulse: ClassVar[float] = 0.0  # length of the pulse in range, in shares of the maximum range
+    water: Water
+    fan: Fan  # the beams of one ping
 
+    @abstractmethod
     def target(self, rng: np.random.Generator) -> Sweep:
         """Draw a sweep anywhere in the scene."""
-        ...
 
+    @abstractmethod
     def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
         """Draw a sweep that may have such an overlap with the target."""
-        ...
 
     def returns(
         self, ranges: np.ndarray, strengths: np.ndarray, sweep: Sweep, rng: np.random.Generator | None
     ) -> Returns:
-        """Pick one echo per beam from those of all rays; without a generator, free of noise and distortion."""
-        ...
+        """Pick the strongest echo of each beam from those of all rays; without a generator, free of noise and
+        distortion."""
+        return pick(self.fan, ranges, strengths, self.pulse * self.fan.sensor.max_range)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +71,11 @@ class SweepKind:
     def pair(self, number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
         """Simulate pair `number` of the set `seed`. Raises InputError: no such pair was found."""
         draws = pair_draws(self.name, number, seed)
-        water = Water(build_scene(scene, draws.scene))
-        instrument = self.equip(water, draws.poses)
-        target, source, shared = _search(water, instrument, overlaps, draws.poses)
+        instrument = self.equip(Water(build_scene(scene, draws.scene)), draws.poses)
+        target, source, shared = _search(instrument, overlaps, draws.poses)
         noise = noise_of(number, self.scenes)
         # scale the noise from the maximum range of the scene's sensor to that of the sonar; no ghosts
-        gate = instrument.fan.sensor.max_range / water.sensor.max_range
+        gate = instrument.fan.sensor.max_range / instrument.water.sensor.max_range
         noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
         scans = []
         for seen, name, rng in ((target, "target", draws.target), (source, "source", draws.source)):
@@ -85,47 +87,45 @@ class SweepKind:
 
 
 def _search(
-    water: Water, instrument: Instrument, overlaps: tuple[float, float], rng: np.random.Generator
+    instrument: Instrument, overlaps: tuple[float, float], rng: np.random.Generator
 ) -> tuple[Seen, Seen, float]:
     """Draw a target and a source, and their overlap."""
 
     def candidates(target: Sweep) -> Iterator[Candidate[Seen]]:
         for _ in range(TRIES):
             sweep = instrument.source(target, overlaps, rng)
-            few = _coarse(water, instrument.fan, sweep)
+            few = _coarse(instrument, sweep)
             if few is not None:
-                yield sweep.T_world_frame, few, partial(_look, water, instrument, sweep)
+                yield sweep.T_world_frame, few, partial(_look, instrument, sweep)
 
-    wanted = WantedOverlap(*overlaps, OVERLAP_RADIUS * water.scale, DOUBT, THIN**2)
+    wanted = WantedOverlap(*overlaps, OVERLAP_RADIUS * instrument.water.scale, DOUBT, THIN**2)
     for _ in range(PLACES):
-        target = _first(water, instrument, rng)
+        target = _first(instrument, rng)
         match = find_partner(target.points, target.sweep.T_world_frame, candidates(target.sweep), wanted)
         if match is not None:
             return target, *match
     raise InputError(
-        f"no two sweeps of {water.scene.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: {PLACES} "
-        f"targets, {TRIES} sources tried for each; widen the range or take another number"
+        f"no two sweeps of {instrument.water.scene.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: "
+        f"{PLACES} targets, {TRIES} sources tried for each; widen the range or take another number"
     )
 
 
-def _first(water: Water, instrument: Instrument, rng: np.random.Generator) -> Seen:
+def _first(instrument: Instrument, rng: np.random.Generator) -> Seen:
     """Draw a target that sees enough."""
     for _ in range(4 * TRIES):
         sweep = instrument.target(rng)
-        if _coarse(water, instrument.fan, sweep) is not None and (seen := _look(water, instrument, sweep)) is not None:
+        if _coarse(instrument, sweep) is not None and (seen := _look(instrument, sweep)) is not None:
             return seen
-    raise InputError(
-        f"{water.scene.name} has no clear path for a sweep of {instrument.fan.sensor.name}; take another scene"
-    )
+    scene, sensor = instrument.water.scene, instrument.fan.sensor
+    raise InputError(f"{scene.name} has no clear path for a sweep of {sensor.name}; take another scene")
 
 
-def _look(water: Water, instrument: Instrument, sweep: Sweep) -> Seen | None:
+def _look(instrument: Instrument, sweep: Sweep) -> Seen | None:
     """The sweep as seen by all rays; None if its path is blocked or it sees too little."""
+    water = instrument.water
     ranges, strengths = meet(water.scene, instrument.fan, sweep.T_world_ping)
     returns = instrument.returns(ranges, strengths, sweep, None)
-    if not water.is_clear(returns.ranges, SEEN_LEAST):
-        return None
-    if not water.is_way_free(sweep.T_world_ping.translation):
+    if not water.is_clear(returns.ranges, SEEN_LEAST) or not water.is_way_free(sweep.T_world_ping.translation):
         return None
     points = true_points(instrument.fan, sweep, returns)
     if not _shows_structure(water, points[::THIN], STRUCTURE):
@@ -133,9 +133,9 @@ def _look(water: Water, instrument: Instrument, sweep: Sweep) -> Seen | None:
     return Seen(sweep, ranges, strengths, points)
 
 
-def _coarse(water: Water, fan: Fan, sweep: Sweep) -> np.ndarray | None:
+def _coarse(instrument: Instrument, sweep: Sweep) -> np.ndarray | None:
     """Points (N, 3) [m], frame of the scan, of a few rays; None if they already rule the sweep out."""
-    few, pings = fan.thinned(THIN), sweep.thinned(THIN)
+    water, few, pings = instrument.water, instrument.fan.thinned(THIN), sweep.thinned(THIN)
     T_world_ping = pings.T_world_ping
     if not water.is_free(T_world_ping.translation):
         return None

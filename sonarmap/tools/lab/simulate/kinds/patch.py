@@ -13,8 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.map.cell import cell_keys
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
-from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL
+from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL, Shot, ViewKind
 from sonarmap.tools.lab.simulate.sensing.noise import measure, scan_of
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
 from sonarmap.tools.lab.simulate.viewpoints import Observer, View

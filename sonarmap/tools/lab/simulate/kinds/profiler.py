@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL
-from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
-from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, pick, walk
+from sonarmap.tools.lab.simulate.kinds.partners import Instrument, SweepKind
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Sweep, Water, walk
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 WIDTHS = (math.radians(1.7), math.radians(3.0))  # of the beam, least and greatest
@@ -22,7 +22,6 @@ ARCS = ((-180.0, 180.0, 180.0), (-85.0, 40.0, 360.0), (-85.0, 40.0, 270.0))  # e
 ABOVE = (0.08, 0.2)  # height above the ground, in shares of the maximum range
 SECONDS = 1.0  # duration of a profile [s]
 THRESHOLD = 0.02  # of an echo, relative to that of a near wall
-CELL = 1 / 500  # length of the pulse, in shares of the maximum range
 
 # Standard deviations at either end of a sweep against its middle; lengths in a scene of 256 m [m], times the root of
 # the scale: a vehicle on station drifts by decimeters in a pool and by a meter in the sea
@@ -34,11 +33,10 @@ FRAME_TILT = math.radians(1.0)  # standard deviation of roll and pitch of a swee
 
 
 @dataclass(frozen=True, slots=True)
-class Profiler:
-    """A profiler on its vehicle."""
+class Profiler(Instrument):
+    """A profiler on its vehicle; its fan is one profile: the beam at all its steps."""
 
-    water: Water
-    fan: Fan  # one profile: the beam at all its steps
+    pulse = 1 / 500
     pans: np.ndarray  # (K,) angles of the profiles about the vertical, 0 in the middle of the sweep [rad]
     turning: bool  # whether the vehicle turns and moves slowly; otherwise it stands and pans its head
 
@@ -52,12 +50,6 @@ class Profiler:
         here = target.T_world_frame.translation
         reach = min(4 * max(here[2] - self.water.bed, 0.0), 2 * self.water.edge.min())
         return self._sweep(here[:2] + far * reach * rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi), rng)
-
-    def returns(
-        self, ranges: np.ndarray, strengths: np.ndarray, sweep: Sweep, rng: np.random.Generator | None
-    ) -> Returns:
-        """The strongest echo of each step."""
-        return pick(self.fan, ranges, strengths, CELL * self.water.sensor.max_range)
 
     def _sweep(self, place: np.ndarray, heading: float, rng: np.random.Generator) -> Sweep:
         """Draw a sweep of profiles above the ground at `place`."""

@@ -19,8 +19,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
-from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL, SMALL
+from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL, SMALL, Shot, ViewKind
 from sonarmap.tools.lab.simulate.sensing.noise import disturb, fade, pick_strongest, reflect, reflect_beams, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
 

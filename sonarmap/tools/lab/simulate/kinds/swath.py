@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.lab.simulate.kinds.kind import FROM_ABOVE
-from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
-from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, pick, walk, wobble
+from sonarmap.tools.lab.simulate.kinds.partners import Instrument, SweepKind
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Sweep, Water, walk, wobble
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 BEAMS = 256
@@ -36,11 +36,9 @@ FRAME_TILT = math.radians(0.3)  # standard deviation of roll and pitch of a swat
 
 
 @dataclass(frozen=True, slots=True)
-class Sounder:
-    """A sounder on its vessel."""
+class Sounder(Instrument):
+    """A sounder on its vessel, which picks the strongest ray of each footprint."""
 
-    water: Water
-    fan: Fan  # its beams
     across: float  # the fan's angle [rad]
 
     def target(self, rng: np.random.Generator) -> Sweep:
@@ -57,12 +55,6 @@ class Sounder:
             np.array((length, self._width(here), 0.0)) * rng.uniform(-1, 1, 3) * far
         )
         return self._line((here + aside)[:2], heading + turn, rng)
-
-    def returns(
-        self, ranges: np.ndarray, strengths: np.ndarray, sweep: Sweep, rng: np.random.Generator | None
-    ) -> Returns:
-        """The strongest ray of each footprint."""
-        return pick(self.fan, ranges, strengths)
 
     def _width(self, place: np.ndarray) -> float:
         """Width [m] of a swath over a flat bed as deep as below `place`, limited by the maximum range."""

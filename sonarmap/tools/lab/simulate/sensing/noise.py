@@ -147,8 +147,7 @@ def reflect(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Ech
     sensor above it there is no water. The strength is Lambert's law at the second surface, less 6 dB. The ranges are
     the lengths of the whole paths [m], inf if there is no second surface within the sensor's ranges.
     """
-    origin, directions = beams(sensor, T_world_sensor)
-    return reflect_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)
+    return reflect_beams(scene, sensor, *beams(sensor, T_world_sensor))
 
 
 def reflect_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions: np.ndarray) -> Echoes:

@@ -12,13 +12,6 @@ HIDDEN = 1e-3  # a surface nearer than a point by this share of the sensor's ran
 ROUNDING = 1e-9  # tolerance of a direction [rad], so that the outermost beams are in view
 
 
-def overlap(
-    target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
-) -> float:
-    """The share of the source's points (N, 3) that have a point of the target (M, 3) within `radius` [m], 0..1."""
-    return share_near(KDTree(target), T_target_source.apply(source), radius)
-
-
 def share_near(tree: KDTree, points: np.ndarray, radius: float) -> float:
     """The share of `points` (N, 3) that have a neighbor within `radius` [m]."""
     distance, _ = tree.query(points, distance_upper_bound=radius)
@@ -28,8 +21,10 @@ def share_near(tree: KDTree, points: np.ndarray, radius: float) -> float:
 def mutual_overlap(
     target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
 ) -> float:
-    """The smaller overlap of both directions, as in Registration.overlap."""
-    return min(overlap(target, source, T_target_source, radius), overlap(source, target, T_target_source.inv(), radius))
+    """The share of points (N, 3) with a point of the other scan (M, 3) within `radius` [m], 0..1: the smaller of both
+    directions, as in Registration.overlap."""
+    there = share_near(KDTree(target), T_target_source.apply(source), radius)
+    return min(there, share_near(KDTree(source), T_target_source.inv().apply(target), radius))
 
 
 def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_world_source: RigidTransform) -> float:
@@ -42,11 +37,8 @@ def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_
     target, source = (visible_points(scene, sensor, pose) for pose in (T_world_target, T_world_source))
     if not len(target) or not len(source):
         return 0.0
-    return float(
-        min(
-            in_view(scene, sensor, T_world_target, source).mean(), in_view(scene, sensor, T_world_source, target).mean()
-        )
-    )
+    there, back = in_view(scene, sensor, T_world_target, source), in_view(scene, sensor, T_world_source, target)
+    return float(min(there.mean(), back.mean()))
 
 
 def visible_points(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> np.ndarray:
@@ -64,8 +56,7 @@ def in_view(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform, points
     met, _ = scene.intersect(np.broadcast_to(T_world_sensor.translation, points.shape), directions)
     level = Rotation.from_euler("y", -sensor.tilt).apply(seen)
     azimuth, elevation = np.arctan2(level[:, 1], level[:, 0]), np.arcsin(level[:, 2] / ranges)
-    inside = (np.abs(azimuth) <= sensor.horizontal / 2 + ROUNDING) & (
-        np.abs(elevation) <= sensor.vertical / 2 + ROUNDING
-    )
+    across = np.abs(azimuth) <= sensor.horizontal / 2 + ROUNDING
+    upright = np.abs(elevation) <= sensor.vertical / 2 + ROUNDING
     reached = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
-    return inside & reached & (met >= ranges - HIDDEN * sensor.max_range)
+    return across & upright & reached & (met >= ranges - HIDDEN * sensor.max_range)

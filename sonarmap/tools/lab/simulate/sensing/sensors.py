@@ -99,22 +99,18 @@ class Echoes:
 
 def cast(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:
     """Echoes of the nearest surface along every beam from one pose, including those below the threshold."""
-    origin, directions = beams(sensor, T_world_sensor)
-    return cast_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)
+    return cast_beams(scene, sensor, *beams(sensor, T_world_sensor))
 
 
 def cast_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions: np.ndarray) -> Echoes:
     """As `cast`, with one origin per beam: origins [m] and unit vectors, both (rows * columns, 3), world."""
-    ranges, sine_grazing = scene.intersect(origins, directions)
-    return echoes_of(sensor, ranges, sine_grazing)
+    return echoes_of(sensor, *scene.intersect(origins, directions))
 
 
 def beams(sensor: Sensor, T_world_sensor: RigidTransform) -> tuple[np.ndarray, np.ndarray]:
-    """The origin (3,) [m] and the unit vectors (rows * columns, 3) of the beams, world frame."""
-    origin = T_world_sensor.translation
-    if origin.shape != (3,):
-        raise InputError(f"one pose is cast at a time; got a stack of shape {origin.shape[:-1]}")
-    return origin, T_world_sensor.rotation.apply(sensor.directions().reshape(-1, 3))
+    """Origins [m] and unit vectors of the beams from one pose, both (rows * columns, 3), world frame."""
+    directions = T_world_sensor.rotation.apply(sensor.directions().reshape(-1, 3))
+    return np.broadcast_to(T_world_sensor.translation, directions.shape), directions
 
 
 def echoes_of(sensor: Sensor, ranges: np.ndarray, sine_grazing: np.ndarray) -> Echoes:

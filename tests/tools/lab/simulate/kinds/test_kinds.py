@@ -6,8 +6,7 @@ from numpy.testing import assert_array_equal
 
 from sonarmap.tools.lab.simulate.kinds import imaging, partners, profiler, swath
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
-from sonarmap.tools.lab.simulate.kinds.draws import pair_draws
-from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, KindPair
+from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, KindPair, pair_draws
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap

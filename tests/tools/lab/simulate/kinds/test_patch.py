@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import patch
-from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
+from sonarmap.tools.lab.simulate.kinds.kind import Shot, observer_of
 from sonarmap.tools.lab.simulate.scenes.scene import surface_distance
 from sonarmap.tools.lab.simulate.viewpoints import first_view
 from tests.samples.scenes.simulated import QUIET

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import single_view
-from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
+from sonarmap.tools.lab.simulate.kinds.kind import Shot, observer_of
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, surface_distance
 from sonarmap.tools.lab.simulate.scenes.solids import box
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
