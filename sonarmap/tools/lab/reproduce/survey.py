@@ -16,7 +16,7 @@ from sonarmap.slam.mapper_settings import MapperSettings
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, Value, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey, map_survey, mapped_of
+from sonarmap.tools.lab.reproduce.survey_mapped import map_survey, mapped_of
 from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, estimate_cells, simulate_survey, survey_cells
 from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
 from sonarmap.tools.methods.fingerprint import method_key
@@ -33,10 +33,11 @@ _USUAL = {
     "edge": 128,  # voxels per edge; the voxel fits the survey
 }
 _ORDER = (2, 1)  # in which the mapper gets the dives
-SOURCES = (
-    *("slam", "tools/lab/simulate", "tools/lab/evaluate", "tools/products/output", *ALL_METHODS),
+_MAPPING = (
+    *("slam", "tools/lab/simulate", "tools/lab/evaluate"),
     *(f"tools/lab/reproduce/{name}.py" for name in ("survey", "survey_mapped", "survey_rows")),
 )
+SOURCES = (*_MAPPING, "tools/products/output", *ALL_METHODS)
 
 
 def create(request: Request) -> Experiment:
@@ -49,10 +50,11 @@ def create(request: Request) -> Experiment:
         dives = _ORDER if labels["survey"] == DIVES else (1,)
         count = settings.dive if labels["survey"] == DIVES else int(labels["survey"])
         survey = simulate_survey(settings.scene, int(labels["seed"]), count, settings.unusable, dives)
-        grid = survey_grid(survey.scans, settings.edge)
+        scans, grid = len(survey.scans), survey_grid(survey.scans, settings.edge)
         mapped = map_survey(survey.scans, survey.dives.tolist(), grid, request.opened.selector)
-        cells = labels | survey_cells(survey, mapped, grid.voxel)
-        return Outcome((cells,), (labels | _seconds(mapped, len(survey.scans)),))
+        times: dict[str, Value] = {"scans": scans, "total_s": mapped.seconds, "per_scan_s": mapped.seconds / scans}
+        times |= {"peak_memory_mib": mapped.memory / 2**20}
+        return Outcome((labels | survey_cells(survey, mapped, grid.voxel),), (labels | times,))
 
     surveys = [*settings.counts, *([DIVES] if settings.dive else [])]
     jobs = [f"{settings.scene}-{seed}/{survey}" for seed in all_seeds(settings) for survey in surveys]
@@ -66,12 +68,6 @@ def _named(job: str) -> dict[str, Value]:
     return {"scene": scene, "seed": int(seed), "survey": survey}
 
 
-def _seconds(mapped: MappedSurvey, scans: int) -> dict[str, Value]:
-    """Cells of time and memory."""
-    total, memory = mapped.seconds, mapped.memory / 2**20
-    return {"scans": scans, "total_s": total, "per_scan_s": total / scans, "peak_memory_mib": memory}
-
-
 _DECISIONS = {"scenes": ROUGH_SCENES, "seeds": 5, "first_seed": 7202, "scans": 24, "edge": 128}
 USUAL = "as usual"  # the rule of the default settings
 RULES: Mapping[str, LoopSettings] = MappingProxyType(
@@ -82,10 +78,7 @@ RULES: Mapping[str, LoopSettings] = MappingProxyType(
         "without loops": LoopSettings(per_scan=0),
     }
 )
-_DECISIONS_SOURCES = (
-    *("slam", "tools/lab/simulate", "tools/lab/evaluate", *find_method(DEFAULT_METHOD).sources),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("survey", "survey_mapped", "survey_rows")),
-)
+_DECISIONS_SOURCES = (*_MAPPING, *find_method(DEFAULT_METHOD).sources)
 
 
 def create_decisions(request: Request) -> Experiment:

@@ -3,19 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sonarmap.kernels.device.device import choose_device
 from sonarmap.slam.execute.processes import spawned
+from sonarmap.slam.execute.runner import Execution
+from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.pair import Pair
+from sonarmap.slam.parts import placed
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.names import TriedPair
-
-if TYPE_CHECKING:
-    from sonarmap.slam.pair import Pair
-    from sonarmap.slam.survey_result import SurveyResult
-    from sonarmap.spectral.grid import Grid
+from sonarmap.tools.files.memory import peak_memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,7 @@ class MappedSurvey:
     memory: int = 0  # peak resident memory of the process [bytes]
 
 
-def map_survey(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> MappedSurvey:
+def map_survey(scans: Sequence[Scan], surveys: Sequence[int], grid: Grid, device: str | None) -> MappedSurvey:
     """Map a survey with default settings in a new process; the stamps of the scans have to be 0, 1, 2, ...
 
     `surveys` are the ascending numbers of the scans' surveys. Raises InputError, DeviceError: the scans or the device
@@ -43,15 +47,8 @@ def map_survey(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", devi
         return pool.submit(_map, scans, surveys, grid, device).result()
 
 
-def _map(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> MappedSurvey:
+def _map(scans: Sequence[Scan], surveys: Sequence[int], grid: Grid, device: str | None) -> MappedSurvey:
     """Map in this process."""
-    from sonarmap.kernels.device.device import choose_device
-    from sonarmap.slam.execute.runner import Execution
-    from sonarmap.slam.execute.worker import Worker, prepared_limit
-    from sonarmap.slam.mapper import Mapper
-    from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.files.memory import peak_memory
-
     registrar = SpectralRegistrar(choose_device(device), grid)
     execution = Execution(Worker(registrar, prepared_limit(registrar)))
     start = perf_counter()
@@ -59,10 +56,8 @@ def _map(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: st
     return replace(mapped_of(result), seconds=perf_counter() - start, memory=peak_memory())
 
 
-def mapped_of(result: "SurveyResult") -> MappedSurvey:
+def mapped_of(result: SurveyResult) -> MappedSurvey:
     """The result of our mapper, without time and memory."""
-    from sonarmap.slam.parts import placed
-
     largest = placed(result.components)[0]
     members, part = list(result.components[largest]), result.parts[largest]
     return MappedSurvey(
@@ -76,7 +71,7 @@ def mapped_of(result: "SurveyResult") -> MappedSurvey:
     )
 
 
-def _tried(pair: "Pair") -> TriedPair:
+def _tried(pair: Pair) -> TriedPair:
     """A pair with the transform of its edge, if it has one, else of its registration."""
     answer = pair.edge.registration if pair.edge else pair.registration
     return TriedPair(pair.i, pair.j, pair.role, pair.kept, answer.T_target_source if answer else None)

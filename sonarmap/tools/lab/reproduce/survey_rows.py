@@ -63,7 +63,18 @@ def survey_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) ->
 def estimate_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
     """Cells of the errors of poses and pairs, the first ones of `survey_cells`."""
     evaluated = _evaluated(survey, mapped)
-    cells = _placed(survey, mapped, len(evaluated.stamps)) | {"voxel_m": voxel} | _errors(evaluated, voxel)
+    usable = len(evaluated.stamps)
+    cells: dict[str, Value] = {
+        "scans": len(survey.scans),
+        "unusable": len(survey.unusable),
+        "placed": usable,
+        "placed_unusable": len(mapped.placed) - usable,
+        "components": mapped.components,
+        "voxel_m": voxel,
+        "ate_after_m": evaluated.ate_m,
+        "ate_after_voxels": evaluated.ate_m / voxel,
+        "ate_after_deg": float(np.sqrt(np.mean(evaluated.rotation_deg**2))),
+    }
     return cells | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
 
 
@@ -71,25 +82,6 @@ def _evaluated(survey: SimulatedSurvey, mapped: MappedSurvey) -> Evaluation:
     """The evaluation of the trajectory of the usable scans."""
     usable = [k for k, scan in enumerate(mapped.placed) if scan not in survey.unusable]
     return evaluate(mapped.trajectory.take(usable), survey.truth)
-
-
-def _placed(survey: SimulatedSurvey, mapped: MappedSurvey, usable: int) -> dict[str, Value]:
-    return {
-        "scans": len(survey.scans),
-        "unusable": len(survey.unusable),
-        "placed": usable,
-        "placed_unusable": len(mapped.placed) - usable,
-        "components": mapped.components,
-    }
-
-
-def _errors(evaluated: Evaluation, voxel: float) -> dict[str, Value]:
-    """Cells of the errors of poses after loop closure."""
-    return {
-        "ate_after_m": evaluated.ate_m,
-        "ate_after_voxels": evaluated.ate_m / voxel,
-        "ate_after_deg": float(np.sqrt(np.mean(evaluated.rotation_deg**2))),
-    }
 
 
 def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
