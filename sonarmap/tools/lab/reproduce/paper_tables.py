@@ -80,10 +80,6 @@ ROTATION = (
 )
 
 
-def _sizes(frame: Frame) -> Frame:
-    return frame.assign(**{f"{name}_size": frame[f"{name}_off_deg"].abs() for name in ("yaw", "roll", "pitch")})
-
-
 def _median_and_largest(column: str) -> Cell:
     return joined(" / ", number(column, 1), number(column, 1, "max"))
 
@@ -93,7 +89,7 @@ LIMITS = (
         "Errors of each step, and of the whole chain [degrees]: median / largest",
         ("tilted", "tilt_deg"),
         {
-            **{f"{name} error": _median_and_largest(f"{name}_size") for name in ("yaw", "roll", "pitch")},
+            **{f"{name} error": _median_and_largest(f"{name}_size") for name in _DEVIATION},
             "yaw's offset: median, least, largest": joined(
                 ", ", *(number("yaw_off_deg", 1, how) for how in ("median", "min", "max"))
             ),
@@ -102,7 +98,7 @@ LIMITS = (
             "the whole chain": _median_and_largest("chain_off_deg"),
             "chain within 6° and 3 voxels": share("chain_off_deg <= 6 and chain_shift_voxels <= 3"),
         },
-        rows=_sizes,
+        rows=lambda frame: frame.assign(**{f"{name}_size": frame[f"{name}_off_deg"].abs() for name in _DEVIATION}),
     ),
 )
 

@@ -147,12 +147,13 @@ def ratio(hits: str, of: str) -> Cell:
     return cell
 
 
-def number(column: str, digits: int, how: str = "median", condition: str = "") -> Cell:
-    """A cell with the median (or another pandas reduction, `how`) of a column over the rows that meet a condition."""
+def number(of: str | Callable[[Frame], float], digits: int, how: str = "median", condition: str = "") -> Cell:
+    """A cell with the median (or another pandas reduction, `how`) of a column over the rows that meet a condition, or
+    with what a function computes from these rows."""
 
     def cell(frame: Frame) -> str:
         some = where(frame, condition)
-        value = float(getattr(some[column], how)()) if column in some else float("nan")
+        value = of(some) if callable(of) else float(getattr(some[of], how)()) if of in some else float("nan")
         return DASH if value != value else f"{value:,.{digits}f}"
 
     return cell

@@ -38,25 +38,21 @@ CALIBRATION: Mapping[str, Cell] = {
 _SECONDS: Mapping[str, Cell] = {"median [s]": number("seconds", 2), "most [s]": number("seconds", 2, "max")}
 
 
-def with_bins(frame: Frame, column: str, bounds: tuple[float, ...], name: str) -> Frame:
-    """The rows ordered by a new column `name`, the bin of a number between `bounds`; bins exclude their lower bound and
-    include the upper one. Rows outside of all bins are dropped."""
+def binned(condition: str, column: str, bounds: tuple[float, ...], name: str) -> Callable[[Frame], Frame]:
+    """Selects the rows that meet a condition, ordered by a new column `name`: the bin of a number between `bounds`.
+
+    Bins exclude their lower bound and include the upper one. Rows outside of all bins are dropped.
+    """
     labels = [f"{max(low, 0):g}..{high:g}" for low, high in pairwise(bounds)]
-    bins = pd.cut(frame[column], list(bounds), labels=labels)
-    return frame.assign(**{name: bins}).dropna(subset=[name]).sort_values(name, kind="stable")
 
+    def rows(frame: Frame) -> Frame:
+        some = where(frame, condition)
+        if some.empty:
+            return some
+        bins = pd.cut(some[column], list(bounds), labels=labels)
+        return some.assign(**{name: bins}).dropna(subset=[name]).sort_values(name, kind="stable")
 
-def overlaps(frame: Frame) -> Frame:
-    """Rows of overlapping pairs, binned by their overlap."""
-    some = where(frame, "set == 'overlap'")
-    return some if some.empty else with_bins(some, "shared", (0, 0.2, 0.4, 0.6, 0.8, 1.0), "overlap shared")
-
-
-def reported(frame: Frame) -> Frame:
-    """Rows of our method, binned by the reported probability."""
-    some = where(frame, f"set == 'overlap' and method == '{OURS}'")
-    bounds = (-1e-9, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
-    return some if some.empty else with_bins(some, "probability", bounds, "reported probability")
+    return rows
 
 
 def _reach(frame: Frame) -> str:
@@ -69,7 +65,7 @@ PAIRS = (
         "Right registrations by the share of common points",
         ("turn", "method"),
         {"": share("right", form="percent")},
-        rows=overlaps,
+        rows=binned("set == 'overlap'", "shared", (0, 0.2, 0.4, 0.6, 0.8, 1.0), "overlap shared"),
         across="overlap shared",
     ),
     Table(
@@ -106,7 +102,12 @@ PAIRS = (
         f"The probability that `{OURS}` reports, and how often it is right",
         ("turn", "reported probability"),
         {"mean of these": number("probability", 3, "mean"), "right": share("right")},
-        rows=reported,
+        rows=binned(
+            f"set == 'overlap' and method == '{OURS}'",
+            "probability",
+            (-1e-9, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0),
+            "reported probability",
+        ),
     ),
     Table(
         "Paths: Table 1, extended to S12",
@@ -181,14 +182,10 @@ def _tenths(p: Any) -> Any:
     return (p * 10).astype(int).clip(upper=9)
 
 
-def _decimals(value: Callable[[Frame], float], digits: int) -> Cell:
-    return lambda frame: DASH if np.isnan(shown := value(frame)) else f"{shown:.{digits}f}"
-
-
 REPORTED: Mapping[str, Cell] = {
     "registrations": count(),
-    "expected calibration error": _decimals(expected_error, 3),
-    "the same of an exact probability": _decimals(usual_error, 3),
+    "expected calibration error": number(expected_error, 3),
+    "the same of an exact probability": number(usual_error, 3),
     **CALIBRATION,
 }
 
@@ -369,11 +366,6 @@ def _sum(frame: Frame, *fates: str) -> int:
     return int(frame[[f"{role}_{fate}" for role in ROLES for fate in fates]].sum().sum())
 
 
-def _in_ellipsoids(frame: Frame) -> str:
-    """The share of poses within their 95 % ellipsoids, over all surveys."""
-    return f"{100 * np.average(frame['within_95'], weights=frame['placed'] - 1):.1f} %"
-
-
 _DECISIONS: Mapping[str, Cell] = {
     "surveys": count(),
     "in one map": count("placed == scans"),
@@ -381,7 +373,9 @@ _DECISIONS: Mapping[str, Cell] = {
     "worst": number("ate_after_voxels", 2, "max"),
     "wrong of the kept": lambda frame: f"{_sum(frame, 'kept_wrong')} of {_sum(frame, 'kept_right', 'kept_wrong')}",
     "right but refused": lambda frame: str(_sum(frame, "refused_right")),
-    "poses in their 95 % ellipsoids": _in_ellipsoids,
+    "poses in their 95 % ellipsoids": lambda frame: (
+        f"{100 * np.average(frame['within_95'], weights=frame['placed'] - 1):.1f} %"
+    ),
     "the worst survey": lambda frame: f"{100 * frame['within_95'].min():.1f} %",
     "mean squared error (6)": number("nees_mean", 1, "mean"),
 }
