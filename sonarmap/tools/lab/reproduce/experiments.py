@@ -116,11 +116,24 @@ class Request:
         return " ".join(["sonarmap reproduce", name, *folder, *(["--quick"] if self.quick else []), *options])
 
 
-# Options that only some experiments take, in the order of `Request.command`
-OPTIONS = (
-    "scene", "grid", "voxel", "max_tilt", "known", "sigma2", "seeds", "set", "pairs", "seed", "method",
-    "write",
-)  # fmt: skip
+# Options that only some experiments take, in the order of `Request.command` -> the settings that `as_asked` gives their
+# value, if the experiment has them
+OPTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "scene": ("scene", "scenes"),
+        "grid": ("edge", "edges"),
+        "voxel": ("voxel",),
+        "max_tilt": ("max_tilt",),
+        "known": (),
+        "sigma2": ("sigma2",),
+        "seeds": ("seeds",),
+        "set": (),
+        "pairs": ("pairs",),
+        "seed": ("seed", "first_seed"),
+        "method": (),
+        "write": (),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,23 +214,10 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
     return names
 
 
-# Option -> the settings that it changes, if the experiment has them
-_CHANGED_BY = {
-    "scene": ("scene", "scenes"),
-    "grid": ("edge", "edges"),
-    "sigma2": ("sigma2",),
-    "seeds": ("seeds",),
-    "seed": ("seed", "first_seed"),
-    "pairs": ("pairs",),
-    "voxel": ("voxel",),
-    "max_tilt": ("max_tilt",),
-}
-
-
 def as_asked(request: Request, usual: Mapping[str, Any], quick: Mapping[str, Any]) -> Settings:
     """The `usual` settings, changed by those of `quick` in a quick run, and then by the options."""
     values = {**usual, **(quick if request.quick else {})}
-    for option, names in _CHANGED_BY.items():
+    for option, names in OPTIONS.items():
         value = getattr(request, option)
         for name in (name for name in names if name in values and value is not None):
             is_list = isinstance(usual[name], tuple) and not isinstance(value, tuple)
@@ -263,13 +263,7 @@ class WorkerProcesses:
     device: str | None  # selector for `choose_device`
 
 
-@dataclass(frozen=True, slots=True)
-class JobResult:
-    """The result of a job."""
-
-    job: str  # its key
-    outcome: Outcome
-    seconds: float  # wall time [s]
+JobResult = tuple[str, Outcome, float]  # key of the job, its outcome, wall time [s]
 
 
 def begin(processes: WorkerProcesses) -> None:
@@ -290,4 +284,4 @@ def run_job(experiment: Experiment, job: str) -> JobResult:
     """Run a job in this process."""
     start = perf_counter()
     outcome = experiment.run(job)
-    return JobResult(job, outcome, perf_counter() - start)
+    return job, outcome, perf_counter() - start

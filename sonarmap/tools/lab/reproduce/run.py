@@ -143,9 +143,9 @@ def run(
         if missing:
             with follow(experiment.name, len(missing)) as step, _running(experiment, missing, options) as groups:
                 for results in groups:
-                    journal.add([_entry(keys[result.job], experiment.name, result) for result in results])
-                    for result in results:
-                        step(result.job)
+                    journal.add([_entry(keys[result[0]], experiment.name, *result) for result in results])
+                    for job, *_ in results:
+                        step(job)
         entries = {job: journal.entry(key) for job, key in keys.items()}
         return Result(
             {job: _outcome(journal, entry) for job, entry in entries.items()},
@@ -170,9 +170,8 @@ def _running(
             yield (group for _, group in groups)
 
 
-def _entry(key: str, name: str, result: JobResult) -> JournalEntry:
-    content = {"rows": result.outcome.rows, "seconds": result.outcome.seconds}
-    return JournalEntry(key, f"{name} {result.job}", json.dumps(to_json(content), allow_nan=False), result.seconds)
+def _entry(key: str, name: str, job: str, outcome: Outcome, seconds: float) -> JournalEntry:
+    return JournalEntry(key, f"{name} {job}", json.dumps(to_json(outcome), allow_nan=False), seconds)
 
 
 def _outcome(journal: Journal, entry: JournalEntry | None) -> Outcome:
