@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from types import MappingProxyType, SimpleNamespace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from sonarmap.kernels.errors import InputError
@@ -60,9 +60,7 @@ def all_seeds(settings: Settings) -> range:
 
 ALL = "all"  # the paper's experiments
 # Set of pairs -> options that apply to it, beside those of all sets
-PAIR_SETS = MappingProxyType(
-    {"overlap": ("pairs",), "paths": ("scene", "sigma2", "seeds"), "unrelated": ("pairs",)},
-)
+PAIR_SETS = {"overlap": ("pairs",), "paths": ("scene", "sigma2", "seeds"), "unrelated": ("pairs",)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,22 +116,20 @@ class Request:
 
 # Options that only some experiments take, in the order of `Request.command` -> the settings that `as_asked` gives their
 # value, if the experiment has them
-OPTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "scene": ("scene", "scenes"),
-        "grid": ("edge", "edges"),
-        "voxel": ("voxel",),
-        "max_tilt": ("max_tilt",),
-        "known": (),
-        "sigma2": ("sigma2",),
-        "seeds": ("seeds",),
-        "set": (),
-        "pairs": ("pairs",),
-        "seed": ("seed", "first_seed"),
-        "method": (),
-        "write": (),
-    }
-)
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "scene": ("scene", "scenes"),
+    "grid": ("edge", "edges"),
+    "voxel": ("voxel",),
+    "max_tilt": ("max_tilt",),
+    "known": (),
+    "sigma2": ("sigma2",),
+    "seeds": ("seeds",),
+    "set": (),
+    "pairs": ("pairs",),
+    "seed": ("seed", "first_seed"),
+    "method": (),
+    "write": (),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,40 +150,38 @@ _MADE_UP = "the mapper's own work on 1,000 to 10,000 scans, with made-up registr
 _SCANS = "scans whose names end in a number and a gt.log, or several such folders"
 _JOURNALS = "registrations of earlier runs, or nothing yet"
 PAPER = ("translation", "rotation", "limits", "gaussian", "floodgate")
-EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
-    {
-        "translation": ExperimentEntry("Figs. 12, 14, 15", f"{_HERE}.structures:create_translation", _STRUCTURES),
-        "rotation": ExperimentEntry("Figs. 16, 17", f"{_HERE}.structures:create_rotation", _STRUCTURES),
-        "limits": ExperimentEntry("Figs. 7 to 9", f"{_HERE}.structures:create_limits", _STRUCTURES),
-        "gaussian": ExperimentEntry("Table 1, Figs. 20, 21", f"{_HERE}.gaussian", (*_STRUCTURES, "sigma2")),
-        "floodgate": ExperimentEntry("Sect. 4, Table 2, Figs. 22 to 31", f"{_HERE}.floodgate", _STRUCTURES[1:]),
-        "pairs": ExperimentEntry(
-            "pairs of every overlap, along paths, and of unrelated scans",
-            f"{_HERE}.pairs",
-            (*_PAIRS, "set", "scene", "sigma2", "seeds"),
-        ),
-        "kinds": ExperimentEntry("pairs of every kind of scan", f"{_HERE}.kinds", _PAIRS),
-        "real": ExperimentEntry(
-            "pairs of real scans in a folder DIR",
-            f"{_HERE}.real",
-            ("grid", "voxel", "max_tilt", "known", "seeds", "seed", "method"),
-            folder=_SCANS,
-        ),
-        "survey": ExperimentEntry("maps of whole surveys", f"{_HERE}.survey", _STRUCTURES, timed=True),
-        "scale": ExperimentEntry(_MADE_UP, f"{_HERE}.scale", ("seeds", "seed"), timed=True),
-        "decisions": ExperimentEntry(
-            "thresholds of the graph, with registrations that a folder DIR keeps",
-            f"{_HERE}.survey:create_decisions",
-            _STRUCTURES[1:],
-            folder=_JOURNALS,
-        ),
-        "confidence": ExperimentEntry(
-            "the probability and covariance of registrations, fitted to pairs of every kind",
-            f"{_HERE}.confidence",
-            (*_PAIRS[:-1], "write"),
-        ),
-    }
-)
+EXPERIMENTS: Mapping[str, ExperimentEntry] = {
+    "translation": ExperimentEntry("Figs. 12, 14, 15", f"{_HERE}.structures:create_translation", _STRUCTURES),
+    "rotation": ExperimentEntry("Figs. 16, 17", f"{_HERE}.structures:create_rotation", _STRUCTURES),
+    "limits": ExperimentEntry("Figs. 7 to 9", f"{_HERE}.structures:create_limits", _STRUCTURES),
+    "gaussian": ExperimentEntry("Table 1, Figs. 20, 21", f"{_HERE}.gaussian", (*_STRUCTURES, "sigma2")),
+    "floodgate": ExperimentEntry("Sect. 4, Table 2, Figs. 22 to 31", f"{_HERE}.floodgate", _STRUCTURES[1:]),
+    "pairs": ExperimentEntry(
+        "pairs of every overlap, along paths, and of unrelated scans",
+        f"{_HERE}.pairs",
+        (*_PAIRS, "set", "scene", "sigma2", "seeds"),
+    ),
+    "kinds": ExperimentEntry("pairs of every kind of scan", f"{_HERE}.kinds", _PAIRS),
+    "real": ExperimentEntry(
+        "pairs of real scans in a folder DIR",
+        f"{_HERE}.real",
+        ("grid", "voxel", "max_tilt", "known", "seeds", "seed", "method"),
+        folder=_SCANS,
+    ),
+    "survey": ExperimentEntry("maps of whole surveys", f"{_HERE}.survey", _STRUCTURES, timed=True),
+    "scale": ExperimentEntry(_MADE_UP, f"{_HERE}.scale", ("seeds", "seed"), timed=True),
+    "decisions": ExperimentEntry(
+        "thresholds of the graph, with registrations that a folder DIR keeps",
+        f"{_HERE}.survey:create_decisions",
+        _STRUCTURES[1:],
+        folder=_JOURNALS,
+    ),
+    "confidence": ExperimentEntry(
+        "the probability and covariance of registrations, fitted to pairs of every kind",
+        f"{_HERE}.confidence",
+        (*_PAIRS[:-1], "write"),
+    ),
+}
 
 
 def chosen(name: str, request: Request) -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from time import perf_counter
-from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -24,12 +23,10 @@ from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 VOXEL = 2.0  # of methods that do not run on the paper's grids [m]
 # Method, in the order of the tables -> whether it runs on each of the paper's grids
-COMPARED: Mapping[str, bool] = MappingProxyType(
-    {
-        **{"icp": False, "icp-plane": False, "fpfh-ransac": False, "kiss": False},
-        **{"hemisphere": True, "spectral": True},
-    }
-)
+COMPARED: Mapping[str, bool] = {
+    **{"icp": False, "icp-plane": False, "fpfh-ransac": False, "kiss": False},
+    **{"hemisphere": True, "spectral": True},
+}
 PAPER_METHODS = ("icp", "hemisphere", "spectral")  # two of the paper's three, and ours
 TRUTH = "true poses"
 # A survey per seed, each with its own bed, sea and noise; scans: number of scans from the start

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from functools import lru_cache
 from math import inf, radians
-from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -27,13 +26,11 @@ NOTHING, LEVELED, NAVIGATION = "none", "attitude,depth", "navigation"
 NAVIGATED = "swath"  # the kind that is also registered with navigation
 NAVIGATION_OVERLAPS = (0.05, 0.4)  # range of the overlap of these pairs
 # Name of the priors -> the instruments that measure them
-PRIORS: Mapping[str, Instruments | None] = MappingProxyType(
-    {
-        NOTHING: None,
-        LEVELED: Instruments(attitude=radians(1.5), heading=inf, depth=0.15, position=inf),
-        NAVIGATION: Instruments(attitude=radians(1.5), heading=radians(1.5), depth=0.15, position=1.0),
-    }
-)
+PRIORS: Mapping[str, Instruments | None] = {
+    NOTHING: None,
+    LEVELED: Instruments(attitude=radians(1.5), heading=inf, depth=0.15, position=inf),
+    NAVIGATION: Instruments(attitude=radians(1.5), heading=radians(1.5), depth=0.15, position=1.0),
+}
 DIRECTIONS = (1, 2, 3)
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from statistics import median_low
-from types import MappingProxyType
 
 import numpy as np
 
@@ -13,10 +12,10 @@ from sonarmap.tools.lab.reproduce.registrations import less_turns
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, share, where
 
 # Noise -> distance up to which registrations succeed in the paper [voxels of 1 m] (Figs. 12, 14, 15)
-PAPER_REACH = MappingProxyType({"D0": 150, "D1": 140, "D2": 140, "D3": 140, "D4": 140, "D5": 120, "D6": 110})
+PAPER_REACH = {"D0": 150, "D1": 140, "D2": 140, "D3": 140, "D4": 140, "D5": 120, "D6": 110}
 _ROUNDING = 0.5  # [m], as distances are not round: 40 steps are 149.7 m
 # Variance of the noise [m^2] -> last scan up to which registrations succeed in the paper (Figs. 20, 21)
-PAPER_LAST = MappingProxyType({1.0: 8, 2.0: 6})
+PAPER_LAST = {1.0: 8, 2.0: 6}
 
 
 def reach(series: Frame) -> float:
@@ -54,7 +53,7 @@ TRANSLATION = (
 )
 
 # Largest errors of the angles in the paper's Figs. 16 and 17 [degrees]
-_DEVIATION = MappingProxyType({"yaw": 5, "roll": 3, "pitch": 3})
+_DEVIATION = {"yaw": 5, "roll": 3, "pitch": 3}
 _WITHIN = " and ".join(f"{name}_off <= {most}" for name, most in _DEVIATION.items()) + " and translation_voxels <= 2"
 
 

@@ -1,10 +1,9 @@
 """Whole structures that are moved or tilted in a fixed grid, with voxel noise (paper Sects. 2.7 and 3)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
-from types import MappingProxyType
 
 import numpy as np
 from scipy.ndimage import maximum_filter
@@ -75,17 +74,15 @@ class VoxelNoise:
 
 
 # The list in Sect. 3 of the paper: two widths of the envelope and the whole grid, each at two swap ratios
-NOISES: MappingProxyType[str, VoxelNoise] = MappingProxyType(
-    {
-        "D0": VoxelNoise(0.0, 0),
-        "D1": VoxelNoise(1 / 100, 5),
-        "D2": VoxelNoise(1 / 25, 5),
-        "D3": VoxelNoise(1 / 100, 10),
-        "D4": VoxelNoise(1 / 25, 10),
-        "D5": VoxelNoise(1 / 100, None),
-        "D6": VoxelNoise(1 / 25, None),
-    }
-)
+NOISES: Mapping[str, VoxelNoise] = {
+    "D0": VoxelNoise(0.0, 0),
+    "D1": VoxelNoise(1 / 100, 5),
+    "D2": VoxelNoise(1 / 25, 5),
+    "D3": VoxelNoise(1 / 100, 10),
+    "D4": VoxelNoise(1 / 25, 10),
+    "D5": VoxelNoise(1 / 100, None),
+    "D6": VoxelNoise(1 / 25, None),
+}
 
 
 def swap(occupied: np.ndarray, noise: VoxelNoise, rng: np.random.Generator) -> np.ndarray:

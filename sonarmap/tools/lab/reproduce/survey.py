@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.slam.candidates.settings import LoopSettings
@@ -70,14 +69,12 @@ def _named(job: str) -> dict[str, Value]:
 
 _DECISIONS = {"scenes": ROUGH_SCENES, "seeds": 5, "first_seed": 7202, "scans": 24, "edge": 128}
 USUAL = "as usual"  # the rule of the default settings
-RULES: Mapping[str, LoopSettings] = MappingProxyType(
-    {
-        USUAL: LoopSettings(),
-        "answers agree within 3 sigmas": LoopSettings(bound=3.0),
-        "one round of loops": LoopSettings(rounds=1, most_rounds=1),
-        "without loops": LoopSettings(per_scan=0),
-    }
-)
+RULES: Mapping[str, LoopSettings] = {
+    USUAL: LoopSettings(),
+    "answers agree within 3 sigmas": LoopSettings(bound=3.0),
+    "one round of loops": LoopSettings(rounds=1, most_rounds=1),
+    "without loops": LoopSettings(per_scan=0),
+}
 _DECISIONS_SOURCES = (*_MAPPING, *find_method(DEFAULT_METHOD).sources)
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from statistics import median_low
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -406,19 +405,17 @@ CONFIDENCE = (
     Table("By set; fitted to the others", ("group",), _CONFIDENCE, f"by == 'set' and fitted_to == '{SET_HELD_OUT}'"),
 )
 
-SHOWN: Mapping[str, tuple[Table, ...]] = MappingProxyType(
-    {
-        "translation": TRANSLATION,
-        "rotation": ROTATION,
-        "limits": LIMITS,
-        "gaussian": GAUSSIAN,
-        "floodgate": FLOODGATE,
-        "pairs": PAIRS,
-        "kinds": KINDS,
-        "real": REAL,
-        "survey": SURVEY,
-        "scale": SCALE,
-        "decisions": DECISIONS,
-        "confidence": CONFIDENCE,
-    }
-)
+SHOWN: Mapping[str, tuple[Table, ...]] = {
+    "translation": TRANSLATION,
+    "rotation": ROTATION,
+    "limits": LIMITS,
+    "gaussian": GAUSSIAN,
+    "floodgate": FLOODGATE,
+    "pairs": PAIRS,
+    "kinds": KINDS,
+    "real": REAL,
+    "survey": SURVEY,
+    "scale": SCALE,
+    "decisions": DECISIONS,
+    "confidence": CONFIDENCE,
+}

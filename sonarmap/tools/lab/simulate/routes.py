@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,49 +97,47 @@ def bridge_lawnmower(seed: int) -> Path:
 
 
 # Closed paths through clear water: x, y, z [m] and heading [degrees from x toward y] of each corner
-LOOPS = MappingProxyType(
-    {
-        "floodgate": (
-            (-90, -40, -2, -10),
-            (-56, -60, -2, 22),
-            (-22, -56, -2, 52),
-            (-14, -22, -2, 28),
-            (-22, 8, -2, -16),
-            (-56, 14, -2, 14),
-            (-84, 8, -2, 40),
-            (-98, -24, -2, 14),
-        ),
-        "harbor": (
-            (-64, -62, -2, 20),
-            (-22, -42, -2, 50),
-            (18, -24, -2, 80),
-            (42, 6, -2, 110),
-            (46, -26, -2, 70),
-            (34, -62, -2, 30),
-            (-10, -80, -2, -10),
-            (-48, -88, -2, -10),
-        ),
-        "clutter": (
-            (-64, -20, 20, 10),
-            (-30, -62, 20, 50),
-            (34, -58, 20, 100),
-            (66, 4, 20, 170),
-            (22, 60, 20, 250),
-            (-40, 48, 20, 300),
-        ),
-        "pool": (
-            (-8.5, -2.2, -1.4, 350),
-            (-2, -3, -1.1, 5),
-            (4, -2.8, -0.75, 15),
-            (8.6, -1.2, -0.7, 65),
-            (8.4, 1.8, -0.7, 125),
-            (3, 3, -0.75, 170),
-            (-3, 2.6, -1.1, 190),
-            (-8.8, 2.2, -1.5, 235),
-            (-9.8, 0, -1.5, 295),
-        ),
-    }
-)
+LOOPS = {
+    "floodgate": (
+        (-90, -40, -2, -10),
+        (-56, -60, -2, 22),
+        (-22, -56, -2, 52),
+        (-14, -22, -2, 28),
+        (-22, 8, -2, -16),
+        (-56, 14, -2, 14),
+        (-84, 8, -2, 40),
+        (-98, -24, -2, 14),
+    ),
+    "harbor": (
+        (-64, -62, -2, 20),
+        (-22, -42, -2, 50),
+        (18, -24, -2, 80),
+        (42, 6, -2, 110),
+        (46, -26, -2, 70),
+        (34, -62, -2, 30),
+        (-10, -80, -2, -10),
+        (-48, -88, -2, -10),
+    ),
+    "clutter": (
+        (-64, -20, 20, 10),
+        (-30, -62, 20, 50),
+        (34, -58, 20, 100),
+        (66, 4, 20, 170),
+        (22, 60, 20, 250),
+        (-40, 48, 20, 300),
+    ),
+    "pool": (
+        (-8.5, -2.2, -1.4, 350),
+        (-2, -3, -1.1, 5),
+        (4, -2.8, -0.75, 15),
+        (8.6, -1.2, -0.7, 65),
+        (8.4, 1.8, -0.7, 125),
+        (3, 3, -0.75, 170),
+        (-3, 2.6, -1.1, 190),
+        (-8.8, 2.2, -1.5, 235),
+        (-9.8, 0, -1.5, 295),
+    ),
+}
 
 # An open path before the barrier: the southern shore, the piers and gates from near by, the lock, the northern shore
 GATE_ROUTE = (
@@ -272,28 +269,22 @@ def _over(
     return lambda seed: lane_path(_level(corners, height(seed)), bend, pitch)
 
 
-SURVEY_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
-    {
-        **{
-            name: lambda seed, corners=corners: spline_path(np.array(corners, float)) for name, corners in LOOPS.items()
-        },
-        **{name: partial(round_the_bed, name) for name in BEDS},
-        "ship": _around_the_ship,
-        "manifold": _around_the_manifold,
-        "bridge": under_the_bridge,
-        "wreck": _around_the_wreck,
-    }
-)
-LAWNMOWER_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
-    {
-        **{name: partial(over_the_bed, name) for name in BEDS},
-        "floodgate": _gate_lawnmower,
-        "harbor": _harbor_lawnmower,
-        "clutter": _over((66, 56), lambda seed: _top("clutter", seed) + 8.0, 13.0),
-        "ship": _over((62, 46), lambda seed: -15.5, 11.0),  # between the keel and the bed
-        "pool": lambda seed: lane_path(_level(lanes((-10, -4.2), (9, 4.2), 5, 4, east=True), -0.7), 1.0),
-        "manifold": _over((10, 9), _over_the_manifold, 2.0, np.deg2rad(40)),  # so that the bed is in range
-        "bridge": bridge_lawnmower,
-        "wreck": _over((72, 60), _over_the_wreck, 12.0, np.deg2rad(30)),
-    }
-)
+SURVEY_PATHS: Mapping[str, Callable[[int], Path]] = {
+    **{name: lambda seed, corners=corners: spline_path(np.array(corners, float)) for name, corners in LOOPS.items()},
+    **{name: partial(round_the_bed, name) for name in BEDS},
+    "ship": _around_the_ship,
+    "manifold": _around_the_manifold,
+    "bridge": under_the_bridge,
+    "wreck": _around_the_wreck,
+}
+LAWNMOWER_PATHS: Mapping[str, Callable[[int], Path]] = {
+    **{name: partial(over_the_bed, name) for name in BEDS},
+    "floodgate": _gate_lawnmower,
+    "harbor": _harbor_lawnmower,
+    "clutter": _over((66, 56), lambda seed: _top("clutter", seed) + 8.0, 13.0),
+    "ship": _over((62, 46), lambda seed: -15.5, 11.0),  # between the keel and the bed
+    "pool": lambda seed: lane_path(_level(lanes((-10, -4.2), (9, 4.2), 5, 4, east=True), -0.7), 1.0),
+    "manifold": _over((10, 9), _over_the_manifold, 2.0, np.deg2rad(40)),  # so that the bed is in range
+    "bridge": bridge_lawnmower,
+    "wreck": _over((72, 60), _over_the_wreck, 12.0, np.deg2rad(30)),
+}

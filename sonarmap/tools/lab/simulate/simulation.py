@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
@@ -238,12 +237,10 @@ def _table1(settings: SimulationSettings) -> Trajectory:
     return poses.take(range(settings.count))
 
 
-TRAJECTORIES: MappingProxyType[str, Callable[[SimulationSettings], Trajectory]] = MappingProxyType(
-    {
-        "survey": lambda of: survey(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
-        "loop": lambda of: loop(of.scene, of.count, of.seed, of.dive, of.sensor.max_range),
-        "lawnmower": lambda of: lawnmower(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
-        "paper18": lambda of: paper18(of.scene, of.count, of.seed, of.sensor),
-        "table1": _table1,
-    }
-)
+TRAJECTORIES: Mapping[str, Callable[[SimulationSettings], Trajectory]] = {
+    "survey": lambda of: survey(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
+    "loop": lambda of: loop(of.scene, of.count, of.seed, of.dive, of.sensor.max_range),
+    "lawnmower": lambda of: lawnmower(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
+    "paper18": lambda of: paper18(of.scene, of.count, of.seed, of.sensor),
+    "table1": _table1,
+}

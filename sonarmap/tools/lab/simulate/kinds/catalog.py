@@ -1,6 +1,6 @@
 """The kinds of scans that can be simulated in pairs; a new kind is a file beside this one and a row here."""
 
-from types import MappingProxyType
+from collections.abc import Mapping
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.kinds.imaging import IMAGING
@@ -12,7 +12,7 @@ from sonarmap.tools.lab.simulate.kinds.single_view import MOVING, RANGE_BIAS, SO
 from sonarmap.tools.lab.simulate.kinds.swath import SWATH
 
 _KINDS = (PATCH, SONAR3D15, SOUND_SPEED, RANGE_BIAS, MOVING, SWATH, IMAGING, PROFILER)
-SCAN_KINDS: MappingProxyType[str, ViewKind | SweepKind] = MappingProxyType({kind.name: kind for kind in _KINDS})
+SCAN_KINDS: Mapping[str, ViewKind | SweepKind] = {kind.name: kind for kind in _KINDS}
 
 
 def kind_pair(name: str, number: int, seed: int, overlaps: tuple[float, float] | None = None) -> KindPair:

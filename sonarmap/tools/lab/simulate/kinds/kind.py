@@ -1,9 +1,8 @@
 """A pair of scans of some kind with both true poses, the scenes of the kinds, and pairs of two views of a scene."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import Literal
 from zlib import crc32
 
@@ -83,9 +82,7 @@ _SCENES_OF: dict[Relief, tuple[str, ...]] = {
     "rich": ("floodgate", "harbor", "wreck", "bridge", "clutter", "rubble"),
     "twins": ("ship", "manifold", "pool"),
 }
-RELIEF_OF: MappingProxyType[str, Relief] = MappingProxyType(
-    {scene: relief for relief, scenes in _SCENES_OF.items() for scene in scenes}
-)
+RELIEF_OF: Mapping[str, Relief] = {scene: relief for relief, scenes in _SCENES_OF.items() for scene in scenes}
 
 ROUGH_SCENES = tuple(scene for scene, relief in RELIEF_OF.items() if relief != "flat")
 

@@ -4,10 +4,9 @@ this one and a row here; the path of a survey through it is laid in routes.py.
 Nothing heavy is imported here: the command line's help reads the table.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
@@ -70,27 +69,23 @@ def _bed(name: str, summary: str, edge: float) -> SceneKind:
 _LARGE = FULL_EDGE, FULL_EDGE
 _WRECK = "a broken wreck among rock ledges, its plan drawn from the seed"
 
-SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
-    {
-        "floodgate": _full("floodgate:floodgate", "a flood gate with piers, gates, a lock and shores"),
-        "harbor": _full("harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"),
-        "clutter": _full("open_bed:clutter", "solids strewn over a bed"),
-        "ship": _kind("ship:ship", "the underside of a ship over a bed", _LARGE, (80, 80), (-22, -3), inward=True),
-        "pool": _kind("pool:pool", "a swimming pool of 25 m by 12.5 m", (25, 12.5), (11.5, 5.2), (-3, -0.4)),
-        "manifold": _kind(
-            "manifold:manifold", "a pipe manifold on the sea bed", (48, 48), (14, 14), (-39.2, -32), inward=True
-        ),
-        "bridge": _full("bridge:bridge", "a road bridge over a river, its plan drawn from the seed"),
-        "wreck": _kind("wreck:wreck", _WRECK, _LARGE, (80, 80), (-27, -3), inward=True),
-        "flatbed": _bed("flatbed", "a bed of sand, flat to a few centimeters", FULL_EDGE),
-        "sandflat": _bed("sandflat", "the same, 40 m on a side", 40.0),
-        "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
-        "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
-        "rubble": _kind(
-            "open_bed:rubble", "the clutter made smaller, 40 m on a side", (40, 40), (12.5, 12.5), (-9, -0.3)
-        ),
-    }
-)
+SCENE_KINDS: Mapping[str, SceneKind] = {
+    "floodgate": _full("floodgate:floodgate", "a flood gate with piers, gates, a lock and shores"),
+    "harbor": _full("harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"),
+    "clutter": _full("open_bed:clutter", "solids strewn over a bed"),
+    "ship": _kind("ship:ship", "the underside of a ship over a bed", _LARGE, (80, 80), (-22, -3), inward=True),
+    "pool": _kind("pool:pool", "a swimming pool of 25 m by 12.5 m", (25, 12.5), (11.5, 5.2), (-3, -0.4)),
+    "manifold": _kind(
+        "manifold:manifold", "a pipe manifold on the sea bed", (48, 48), (14, 14), (-39.2, -32), inward=True
+    ),
+    "bridge": _full("bridge:bridge", "a road bridge over a river, its plan drawn from the seed"),
+    "wreck": _kind("wreck:wreck", _WRECK, _LARGE, (80, 80), (-27, -3), inward=True),
+    "flatbed": _bed("flatbed", "a bed of sand, flat to a few centimeters", FULL_EDGE),
+    "sandflat": _bed("sandflat", "the same, 40 m on a side", 40.0),
+    "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
+    "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
+    "rubble": _kind("open_bed:rubble", "the clutter made smaller, 40 m on a side", (40, 40), (12.5, 12.5), (-9, -0.3)),
+}
 
 
 def scene_kind(name: str) -> SceneKind:
@@ -100,14 +95,12 @@ def scene_kind(name: str) -> SceneKind:
     return SCENE_KINDS[name]
 
 
-TRAJECTORY_KINDS: MappingProxyType[str, str] = MappingProxyType(
-    {
-        "survey": "round and round a closed path",
-        "loop": "once around the closed path, so that the last scan sees what the first one saw",
-        "lawnmower": "parallel lanes and tie lines across them, repeated",
-        "paper18": "up to 18 scans of the floodgate with 90 to 50 percent overlap, as in the paper's Sect. 4",
-        "table1": "the paper's reference scan and S0 to S9",
-    }
-)
+TRAJECTORY_KINDS: Mapping[str, str] = {
+    "survey": "round and round a closed path",
+    "loop": "once around the closed path, so that the last scan sees what the first one saw",
+    "lawnmower": "parallel lanes and tie lines across them, repeated",
+    "paper18": "up to 18 scans of the floodgate with 90 to 50 percent overlap, as in the paper's Sect. 4",
+    "table1": "the paper's reference scan and S0 to S9",
+}
 
 SENSOR_NAMES = ("eclipse", "paper", "sonar3d15")

@@ -12,6 +12,13 @@ HIDDEN = 1e-3  # a surface nearer than a point by this share of the sensor's ran
 ROUNDING = 1e-9  # tolerance of a direction [rad], so that the outermost beams are in view
 
 
+def overlap(
+    target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
+) -> float:
+    """The share of the source's points (N, 3) that have a point of the target (M, 3) within `radius` [m], 0..1."""
+    return share_near(KDTree(target), T_target_source.apply(source), radius)
+
+
 def share_near(tree: KDTree, points: np.ndarray, radius: float) -> float:
     """The share of `points` (N, 3) that have a neighbor within `radius` [m]."""
     distance, _ = tree.query(points, distance_upper_bound=radius)
@@ -21,10 +28,8 @@ def share_near(tree: KDTree, points: np.ndarray, radius: float) -> float:
 def mutual_overlap(
     target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
 ) -> float:
-    """The share of points (N, 3) with a point of the other scan (M, 3) within `radius` [m], 0..1: the smaller of both
-    directions, as in Registration.overlap."""
-    there = share_near(KDTree(target), T_target_source.apply(source), radius)
-    return min(there, share_near(KDTree(source), T_target_source.inv().apply(target), radius))
+    """The smaller overlap of both directions, as in Registration.overlap."""
+    return min(overlap(target, source, T_target_source, radius), overlap(source, target, T_target_source.inv(), radius))
 
 
 def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_world_source: RigidTransform) -> float:

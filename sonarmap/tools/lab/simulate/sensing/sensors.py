@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -86,7 +85,7 @@ ECLIPSE = Sensor("eclipse", *_FAN, 0.4, 120.0, tilt=math.radians(20), edge_loss=
 PAPER = Sensor("paper", *_FAN, 0.4, 256.0)
 # The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern, so the edge has no loss
 SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
-SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
+SENSORS = {sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)}
 
 
 @dataclass(frozen=True, slots=True)
