@@ -10,16 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import (
-    SCENE_EDGE,
-    boulders,
-    debris,
-    height_at,
-    on_bed,
-    raster,
-    relief,
-    scene_of,
-)
+from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, debris, on_bed, raster, relief, scene_of
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh, box, cylinder, prism, rod, tube, wall
 
 SLOPE = 0.5  # of the banks
@@ -258,14 +249,15 @@ def _lines(layout: BridgeLayout, height: np.ndarray, rng: np.random.Generator) -
     y = np.linspace(-SCENE_EDGE / 2 + 6, SCENE_EDGE / 2 - 6, 14)
     parts = []
     pipe_x, slope, radius = rng.uniform(-62, -34), rng.uniform(-0.2, 0.2), rng.uniform(0.45, 0.9)
-    x = pipe_x + slope * y
-    beds = np.array([height_at(height, east, north) for east, north in zip(x, y, strict=True)])
-    parts.append(tube(np.column_stack([x, y, beds + rng.uniform(-0.3, 1.0, len(y))]), radius, bend=5.0))
+    pipe = np.array([on_bed(height, place) for place in zip(pipe_x + slope * y, y, strict=True)])
+    pipe[:, 2] += rng.uniform(-0.3, 1.0, len(y))
+    parts.append(tube(pipe, radius, bend=5.0))
     duct_x, count = rng.uniform(56, 82), int(rng.integers(2, 5))
     for number in range(count):
         x = duct_x + 1.3 * number + rng.uniform(-0.3, 0.3, len(y)) + 0.1 * y
-        beds = np.array([height_at(height, east, north) for east, north in zip(x, y, strict=True)])
-        parts.append(tube(np.column_stack([x, y, beds + rng.uniform(-0.1, 0.3, len(y))]), 0.22, bend=5.0, sides=8))
+        duct = np.array([on_bed(height, place) for place in zip(x, y, strict=True)])
+        duct[:, 2] += rng.uniform(-0.1, 0.3, len(y))
+        parts.append(tube(duct, 0.22, bend=5.0, sides=8))
     for north in rng.uniform(-60, 60, int(rng.integers(3, 8))):
         east = duct_x + 0.65 * (count - 1) + 0.1 * north
         turn = Rotation.from_euler("ZYX", (rng.uniform(-0.4, 0.4), *rng.uniform(-0.06, 0.06, 2)))

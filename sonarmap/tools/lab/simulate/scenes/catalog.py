@@ -63,7 +63,7 @@ def _full(builder: str, summary: str) -> SceneKind:
 def _bed(name: str, summary: str, edge: float) -> SceneKind:
     """A square open bed under 22 m of water at 256 m; sensors of random pairs are in this water."""
     scale = edge / FULL_EDGE
-    return _kind(f"open_bed:{name}", summary, (edge, edge), (80 * scale, 80 * scale), (-20 * scale, -scale))
+    return _kind(f"bed:{name}", summary, (edge, edge), (80 * scale, 80 * scale), (-20 * scale, -scale))
 
 
 _LARGE = FULL_EDGE, FULL_EDGE
@@ -72,7 +72,7 @@ _WRECK = "a broken wreck among rock ledges, its plan drawn from the seed"
 SCENE_KINDS: Mapping[str, SceneKind] = {
     "floodgate": _full("floodgate:floodgate", "a flood gate with piers, gates, a lock and shores"),
     "harbor": _full("harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"),
-    "clutter": _full("open_bed:clutter", "solids strewn over a bed"),
+    "clutter": _full("bed:clutter", "solids strewn over a bed"),
     "ship": _kind("ship:ship", "the underside of a ship over a bed", _LARGE, (80, 80), (-22, -3), inward=True),
     "pool": _kind("pool:pool", "a swimming pool of 25 m by 12.5 m", (25, 12.5), (11.5, 5.2), (-3, -0.4)),
     "manifold": _kind(
@@ -84,7 +84,7 @@ SCENE_KINDS: Mapping[str, SceneKind] = {
     "sandflat": _bed("sandflat", "the same, 40 m on a side", 40.0),
     "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
     "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
-    "rubble": _kind("open_bed:rubble", "the clutter made smaller, 40 m on a side", (40, 40), (12.5, 12.5), (-9, -0.3)),
+    "rubble": _kind("bed:rubble", "the clutter made smaller, 40 m on a side", (40, 40), (12.5, 12.5), (-9, -0.3)),
 }
 
 
