@@ -8,19 +8,12 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate import trajectories
 from sonarmap.tools.lab.simulate.routes import survey_path
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, SENSORS, Sensor
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, observe
-from sonarmap.tools.lab.simulate.trajectories import (
-    PAPER_COUNT,
-    SPACING,
-    TABLE1_COUNT,
-    TABLE1_RIG,
-    table1,
-    table1_transform,
-)
 
 SPACED = ("survey", "lawnmower")  # trajectories with a spacing
 LAWNMOWER_COUNT = 200
@@ -58,15 +51,14 @@ def louder(settings: SimulationSettings, factor: float) -> SimulationSettings:
 def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
     """Settings for the reference scan and S0..S9 of Table 1, eleven scans, with the paper's noise."""
     return SimulationSettings(
-        scene, "table1", TABLE1_COUNT + 1, sensor=TABLE1_SENSOR, noise=Noise(sigma2=sigma2), seed=seed
+        scene, "table1", trajectories.TABLE1_COUNT + 1, sensor=TABLE1_SENSOR, noise=Noise(sigma2=sigma2), seed=seed
     )
 
 
 def _spacing(scene: str, sensor: Sensor) -> float:
     """Default distance between scans [m]."""
     kind = scene_kind(scene)
-    usual = SENSORS[kind.sensor].max_range
-    return SPACING * (kind.scale if sensor.max_range >= usual else min(kind.scale, sensor.max_range / usual))
+    return trajectories.SPACING * min(kind.scale, sensor.max_range / SENSORS[kind.sensor].max_range)
 
 
 def _count(settings: SimulationSettings) -> int:
@@ -74,7 +66,7 @@ def _count(settings: SimulationSettings) -> int:
     if settings.trajectory == "loop":
         path = survey_path(settings.scene, settings.seed, settings.sensor.max_range)
         return math.ceil(path.length / _spacing(settings.scene, settings.sensor))
-    return {"lawnmower": LAWNMOWER_COUNT, "paper18": PAPER_COUNT}.get(settings.trajectory, settings.count)
+    return {"lawnmower": LAWNMOWER_COUNT, "paper18": trajectories.PAPER_COUNT}.get(settings.trajectory, settings.count)
 
 
 def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") -> tuple[Scan, Scan, RigidTransform]:
@@ -85,9 +77,9 @@ def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") 
     frame, the transform is table1_transform(index).
     """
     settings = table1_settings(seed, sigma2, scene)
-    T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
-    T_target_source = T_grid_rig.inv() * table1_transform(index) * T_grid_rig
-    poses = table1(index + 1).T_world_sensor
+    T_grid_rig = RigidTransform.from_translation(trajectories.TABLE1_RIG)
+    T_target_source = T_grid_rig.inv() * trajectories.table1_transform(index) * T_grid_rig
+    poses = trajectories.table1(index + 1).T_world_sensor
     target = observe(settings, poses[0], 0, "Sr")
     source = observe(settings, poses[index + 1], index + 1, f"S{index}")
     return target, source, T_target_source

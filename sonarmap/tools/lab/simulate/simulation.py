@@ -14,24 +14,12 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.continuous import ContinuousTrajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.memory import available_memory
+from sonarmap.tools.lab.simulate import trajectories
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, measure, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast, cast_beams
-from sonarmap.tools.lab.simulate.trajectories import (
-    DIVING,
-    SPACING,
-    TABLE1_COUNT,
-    TABLE1_MOST,
-    check_dive,
-    lawnmower,
-    looking_round,
-    loop,
-    paper18,
-    survey,
-    table1,
-)
 
 Fault = Literal["empty", "noise"]
 _UNUSABLE_STREAM = 37  # of the seed, so that the other scans do not depend on these draws
@@ -112,7 +100,7 @@ class SimulationSettings:
     scene: str = "floodgate"  # a key of SCENE_KINDS
     trajectory: str = "survey"  # a key of TRAJECTORIES
     count: int = 12  # number of scans, from the start of the trajectory
-    spacing: float = SPACING  # between scans along a survey or a lawnmower [m]; other trajectories have their own
+    spacing: float = trajectories.SPACING  # between scans of a survey or lawnmower [m]; others have their own
     sensor: Sensor = ECLIPSE  # SENSORS holds the predefined ones
     noise: Noise = field(default=SURVEY_NOISE)  # of ranges and strengths
     seed: int = 0  # of the scene, the waves and the noise
@@ -137,9 +125,9 @@ class SimulationSettings:
             )
         if not 0 <= self.turn < np.pi:
             raise InputError(f"the turn is {self.turn} rad from scan to scan; wanted 0 or more, below half a turn")
-        if self.turn and self.trajectory not in DIVING:
-            raise InputError(f"the poses of {self.trajectory} are fixed; `turn` works with one of {', '.join(DIVING)}")
-        check_dive(self.dive, self.trajectory)
+        if self.turn and self.trajectory not in (diving := trajectories.DIVING):
+            raise InputError(f"the poses of {self.trajectory} are fixed; `turn` works with one of {', '.join(diving)}")
+        trajectories.check_dive(self.dive, self.trajectory)
         check_size(self.count, self.sensor.columns, self.sensor.rows)
         choose_faults(self.unusable, self.count, self.seed, self.dive)
 
@@ -178,7 +166,7 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
 def trajectory_of(settings: SimulationSettings) -> Trajectory:
     """The poses of a simulation's scans."""
     trajectory = TRAJECTORIES[settings.trajectory](settings)
-    return looking_round(trajectory, settings.turn) if settings.turn else trajectory
+    return trajectories.looking_round(trajectory, settings.turn) if settings.turn else trajectory
 
 
 def observe(
@@ -227,20 +215,12 @@ def settings_from_json(content: Any) -> SimulationSettings:
         raise InputError(f"the settings of the simulation cannot be used: {faults}") from error
 
 
-def _table1(settings: SimulationSettings) -> Trajectory:
-    poses = table1(TABLE1_MOST)
-    if not 1 <= settings.count <= len(poses):
-        raise InputError(
-            f"Table 1 has {1 + TABLE1_COUNT} scans, the reference and S0 to S{TABLE1_COUNT - 1}, and with S10 to "
-            f"S{TABLE1_MOST - 1} {len(poses)}; {settings.count} were asked for"
-        )
-    return poses.take(range(settings.count))
-
-
 TRAJECTORIES: Mapping[str, Callable[[SimulationSettings], Trajectory]] = {
-    "survey": lambda of: survey(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
-    "loop": lambda of: loop(of.scene, of.count, of.seed, of.dive, of.sensor.max_range),
-    "lawnmower": lambda of: lawnmower(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
-    "paper18": lambda of: paper18(of.scene, of.count, of.seed, of.sensor),
-    "table1": _table1,
+    "survey": lambda of: trajectories.survey(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
+    "loop": lambda of: trajectories.loop(of.scene, of.count, of.seed, of.dive, of.sensor.max_range),
+    "lawnmower": lambda of: trajectories.lawnmower(
+        of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range
+    ),
+    "paper18": lambda of: trajectories.paper18(of.scene, of.count, of.seed, of.sensor),
+    "table1": lambda of: trajectories.first_of_table1(of.count),
 }

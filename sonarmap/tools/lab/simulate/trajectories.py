@@ -147,6 +147,17 @@ def table1(rows: int = TABLE1_COUNT) -> Trajectory:
     return Trajectory(np.arange(1.0 + rows), RigidTransform.concatenate([T_grid_rig, *moved]))
 
 
+def first_of_table1(count: int) -> Trajectory:
+    """The first `count` poses of `table1`. Raises InputError: a count below 1 or above 14."""
+    poses = table1(TABLE1_MOST)
+    if not 1 <= count <= len(poses):
+        raise InputError(
+            f"Table 1 has {1 + TABLE1_COUNT} scans, the reference and S0 to S{TABLE1_COUNT - 1}, and with S10 to "
+            f"S{TABLE1_MOST - 1} {len(poses)}; {count} were asked for"
+        )
+    return poses.take(range(count))
+
+
 def _evenly(path: Path, scene: str, count: int, seed: int, spacing: float, dive: int) -> Trajectory:
     if count < 1 or not 0 < spacing < np.inf:
         raise InputError(f"{count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
