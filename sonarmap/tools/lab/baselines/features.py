@@ -5,6 +5,11 @@ Open3D, with the parameters of its example: fast point feature histograms (Rusu 
 pruning and a robust solver.
 """
 
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -12,16 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.extras import load_package
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.points import (
-    MethodVerdict,
-    PointRegistrar,
-    ThinnedCloud,
-    judge_matches,
-    one_thread,
-    quiet,
-    silent,
-    to_open3d,
-)
+from sonarmap.tools.lab.baselines.points import PointRegistrar, Solution, ThinnedCloud, judge_matches, quiet, to_open3d
 
 FEATURE_REACH = 5.0  # radius of the neighborhood of a feature [voxels]
 FEATURE_NEIGHBORS = 100  # largest number of points in it
@@ -49,7 +45,7 @@ class FeatureRegistrar(PointRegistrar):
         with quiet():
             return library.compute_fpfh_feature(to_open3d(cloud), near)
 
-    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> Solution:
         """Registration without an initial pose, accepted by the number of feature matches that agree with it."""
         T = iterate(target, source, self._solve(target, source), [self.voxel * d for d in REFINE], "plane")
         return T, judge_matches(*self._agreeing(target, source, T))
@@ -61,7 +57,7 @@ class FeatureRegistrar(PointRegistrar):
         o3d.utility.random.seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0] % 2**31))
         r, reach = o3d.pipelines.registration, MATCH_REACH * self.voxel
         inputs = to_open3d(source), to_open3d(target), source.extra, target.extra
-        with one_thread():
+        with quiet(one_thread=True):
             result = r.registration_ransac_based_on_feature_matching(
                 *inputs,
                 True,  # only mutual matches
@@ -77,11 +73,29 @@ class FeatureRegistrar(PointRegistrar):
         """Number of mutual matches within MATCH_REACH of each other under the transform, and of all mutual matches."""
         import open3d as o3d
 
-        with one_thread():
+        with quiet(one_thread=True):
             matches = o3d.pipelines.registration.correspondences_from_features(source.extra, target.extra, True)
         i, j = np.asarray(matches).reshape(-1, 2).T
         apart = T_target_source.apply(source.points[i]) - target.points[j]
         return int((np.linalg.norm(apart, axis=1) <= MATCH_REACH * self.voxel).sum()), len(i)
+
+
+_STDOUT = 1  # file descriptor
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Discard what Python, C and C++ write to the standard output."""
+    sys.stdout.flush()
+    kept, nowhere = os.dup(_STDOUT), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, _STDOUT)
+    try:
+        yield
+    finally:
+        ctypes.CDLL(None).fflush(None)  # C buffers its output if stdout is not a terminal
+        os.dup2(kept, _STDOUT)
+        os.close(kept)
+        os.close(nowhere)
 
 
 _LEAST_INLIERS = 10  # KISS-Matcher finds 14..53 in right registrations, 0 or 1 in wrong ones
@@ -103,7 +117,7 @@ class KissRegistrar(PointRegistrar):
         super().__init__(voxel)
         self._kiss = load_package("kiss_matcher", "kiss-matcher", "the method kiss", "peers")
 
-    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> Solution:
         """Registration without an initial pose, accepted by the number of inliers."""
         T, inliers, matches = self._match(target, source)
         T = iterate(target, source, T, [self.voxel * d for d in REFINE], "plane")

@@ -9,15 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.lab.baselines.points import (
-    MethodVerdict,
-    PointRegistrar,
-    ThinnedCloud,
-    judge_fit,
-    one_thread,
-    quiet,
-    to_open3d,
-)
+from sonarmap.tools.lab.baselines.points import PointRegistrar, Solution, ThinnedCloud, judge_fit, quiet, to_open3d
 
 Kind = Literal["point", "plane"]
 
@@ -33,7 +25,7 @@ class IcpRegistrar(PointRegistrar):
         super().__init__(voxel)
         self.kind: Kind = kind
 
-    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> Solution:
         """Registration from the identity, accepted by the share of points in common."""
         T = iterate(target, source, RigidTransform.identity(), [self.voxel * d for d in DISTANCES], self.kind)
         return T, judge_fit(target, source, T, self.voxel)
@@ -53,7 +45,7 @@ def iterate(
     estimation = icp.TransformationEstimationPointToPlane() if to_plane else icp.TransformationEstimationPointToPoint()
     criteria = icp.ICPConvergenceCriteria(_CONVERGED, _CONVERGED, _STEPS)
     fixed, moving, T = to_open3d(target), to_open3d(source), T_target_source.as_matrix()
-    with one_thread() if to_plane else quiet():
+    with quiet(one_thread=to_plane):
         for distance in distances:
             T = np.asarray(icp.registration_icp(moving, fixed, distance, T, estimation, criteria).transformation)
     return RigidTransform.from_matrix(T)
@@ -73,7 +65,7 @@ class GicpRegistrar(PointRegistrar):
         self._gicp.estimate_covariances(points, tree)
         return points, tree
 
-    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> Solution:
         """Registration from the identity, accepted by the share of points in common."""
         (fixed, tree), (moving, _), T = target.extra, source.extra, np.eye(4)
         for distance in DISTANCES:

@@ -4,9 +4,6 @@ The acceptance thresholds separate eight simulated pairs at the noise of the pap
 of `random_pair` on three scenes) from five pairs of scans that share nothing.
 """
 
-import ctypes
-import os
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,42 +19,17 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 
-_STDOUT = 1  # file descriptor
-
 
 @contextmanager
-def silent() -> Iterator[None]:
-    """Discard what Python, C and C++ write to the standard output."""
-    sys.stdout.flush()
-    kept, nowhere = os.dup(_STDOUT), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, _STDOUT)
-    try:
-        yield
-    finally:
-        ctypes.CDLL(None).fflush(None)  # C buffers its output if stdout is not a terminal
-        os.dup2(kept, _STDOUT)
-        os.close(kept)
-        os.close(nowhere)
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Let Open3D print errors only."""
-    import open3d as o3d
-
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        yield
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Make Open3D quiet and single-threaded: sums over several threads differ in their last bits from run to run."""
+def quiet(one_thread: bool = False) -> Iterator[None]:
+    """Let Open3D print errors only and, if asked to, use one thread: sums over several threads differ in their last
+    bits from run to run."""
     import open3d as o3d
 
     before = o3d.utility.get_max_threads()
-    o3d.utility.set_max_threads(1)
+    o3d.utility.set_max_threads(1 if one_thread else before)
     try:
-        with quiet():
+        with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
             yield
     finally:
         o3d.utility.set_max_threads(before)
@@ -141,6 +113,9 @@ def verdict(words: str, *wanted: tuple[bool, str]) -> MethodVerdict:
     return MethodVerdict(not missed, f"{words}; wanted at least {missed}" if missed else words)
 
 
+Solution = tuple[RigidTransform, MethodVerdict]  # T_target_source, and whether to accept it
+
+
 class PointRegistrar(ABC):
     """Base class of registrars on points: the transform of `solve`, with the covariance and overlap of the points.
 
@@ -174,8 +149,8 @@ class PointRegistrar(ABC):
         return None
 
     @abstractmethod
-    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
-        """T_target_source, and whether to accept it."""
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> Solution:
+        """Register prepared scans."""
 
 
 def judge_fit(target: ThinnedCloud, source: ThinnedCloud, T: RigidTransform, voxel: float) -> MethodVerdict:
