@@ -36,16 +36,8 @@ _REFUSED = 0.02  # share of the pairs with enough overlap that are refused
 _WRONG = 0.002  # share of the accepted loops that are wrong
 
 
-@dataclass(frozen=True, slots=True)
-class MadeUpSurvey:
-    """Scans of a lawnmower path."""
-
-    T_world_sensor: RigidTransform  # N poses, the truth
-    scans: tuple[Scan, ...]  # N; their points are memory-mapped from disk
-
-
-def make_up(folder: Path, count: int, points: int, seed: int) -> MadeUpSurvey:
-    """A survey of `count` scans of `points` points each, stored in a file in `folder`."""
+def make_up(folder: Path, count: int, points: int, seed: int) -> tuple[RigidTransform, list[Scan]]:
+    """True poses along a lawnmower path, and scans of `points` points each, memory-mapped from a file in `folder`."""
     rng = np.random.default_rng(seed)
     truth = _path(count, rng)
     spooled = np.lib.format.open_memmap(folder / "points.npy", "w+", np.float32, (count, points, 3))
@@ -54,8 +46,7 @@ def make_up(folder: Path, count: int, points: int, seed: int) -> MadeUpSurvey:
     spooled.flush()
     del spooled
     on_disk = np.load(folder / "points.npy", mmap_mode="r")
-    scans = tuple(Scan(on_disk[k], stamp=float(k), name=f"scan{k}") for k in range(count))
-    return MadeUpSurvey(truth, scans)
+    return truth, [Scan(on_disk[k], stamp=float(k), name=f"scan{k}") for k in range(count)]
 
 
 def _path(count: int, rng: np.random.Generator) -> RigidTransform:
@@ -128,10 +119,7 @@ def _shared(T_target_source: RigidTransform) -> float:
 
 # counts: numbers of scans, ascending; points: of each scan; voxel: edge [m]
 _USUAL = {"counts": (1000, 3000, 10_000), "points": 25_000, "seeds": 1, "first_seed": 7, "voxel": 0.5}
-SOURCES = (
-    *("slam", "tools/lab/evaluate"),
-    "tools/lab/reproduce/scale.py",
-)
+SOURCES = ("slam", "tools/lab/evaluate", "tools/lab/reproduce/scale.py")
 WHOLE = "all"  # name of the row for all stages
 _PREPARED = 8  # number of prepared scans that the worker keeps
 _SAMPLED = 0.05  # interval at which memory is measured [s]
@@ -172,12 +160,12 @@ class _Stages(Timings):
 def _measure(count: int, seed: int, settings: Settings) -> Outcome:
     """Map one survey: a row of its errors, the same on every run, and rows of time and memory by stage and in total."""
     with tempfile.TemporaryDirectory(prefix="sonarmap.") as folder:
-        survey = make_up(Path(folder), count, settings.points, seed)
-        registrar = MadeUpRegistrar(survey.T_world_sensor, seed)
+        truth, scans = make_up(Path(folder), count, settings.points, seed)
+        registrar = MadeUpRegistrar(truth, seed)
         stages = _Stages()
         with _memory_watched(stages):
             execution = Execution(Worker(registrar, _PREPARED), timings=stages)
-            result = Mapper(registrar, settings.voxel, execution=execution).run(survey.scans)
+            result = Mapper(registrar, settings.voxel, execution=execution).run(scans)
         labels = {"scans": count, "seed": seed}
         usage = [(name, seconds, stages.memory[name]) for name, seconds in stages.processor.items()]
         usage.append((WHOLE, sum(stages.processor.values()), max(stages.memory.values())))
@@ -185,7 +173,7 @@ def _measure(count: int, seed: int, settings: Settings) -> Outcome:
             labels | {"stage": name, "processor_s": seconds, "memory_mib": memory / 2**20}
             for name, seconds, memory in usage
         ]
-        return Outcome((labels | _outcome(survey, result, settings.voxel),), tuple(rows))
+        return Outcome((labels | _outcome(truth, result, settings.voxel),), tuple(rows))
 
 
 @contextmanager
@@ -214,11 +202,10 @@ def _memory() -> int:
     return peak_memory() if line is None else int(line.split()[1]) * 1024
 
 
-def _outcome(survey: MadeUpSurvey, result: SurveyResult, voxel: float) -> dict[str, Value]:
-    """Cells of the errors of poses, and of the kept and wrong pairs."""
+def _outcome(T: RigidTransform, result: SurveyResult, voxel: float) -> dict[str, Value]:
+    """Cells of the errors of poses against the true ones, and of the kept and wrong pairs."""
     largest = max(result.components, key=len)
-    truth = Trajectory(result.trajectory.stamps, survey.T_world_sensor)
-    T, off = survey.T_world_sensor, _OFF_VOXELS * voxel
+    truth, off = Trajectory(result.trajectory.stamps, T), _OFF_VOXELS * voxel
     loops = [pair for pair in result.pairs if pair.role == "loop"]
     wrong = sum(
         pair_error(pair.edge.registration.T_target_source, T[pair.i].inv() * T[pair.j]).translation_m > off
