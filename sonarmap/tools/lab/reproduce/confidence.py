@@ -21,17 +21,9 @@ from sonarmap.spectral.judgement import Clues, Odds, fixed_probability, judge, s
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.verify.bounds import NEAR_SHIFT, NEAR_TURN
 from sonarmap.tools.files.writers.atomic import atomic_path
-from sonarmap.tools.lab.reproduce.evidence import (
-    STILL,
-    SURVEY,
-    UNRELATED,
-    RecordedPair,
-    Recording,
-    draw,
-    recorded_pairs,
-)
+from sonarmap.tools.lab.reproduce.evidence import DRAWS, UNRELATED, RecordedPair, Recording, draw, recorded_pairs
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Row, as_asked
-from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
+from sonarmap.tools.lab.simulate.kinds.catalog import kind_pair
 from sonarmap.tools.methods.fingerprint import fingerprint
 
 CLUES = tuple(field.name for field in fields(Clues))
@@ -155,10 +147,8 @@ def fit_slide(pairs: Sequence[RecordedPair]) -> Slide:
     return Slide(odds, float(weights[0]), float(np.sqrt(np.mean(distances**2))) if len(distances) else 0.0)
 
 
-# Draws of each set: one of a kind has five registrations, one of a survey about 35. Neither evaluations nor tests use
-# pairs of this seed. A sixth of the still pairs has half of `edge` voxels per edge, another twice as many.
-_COUNTS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240}
-_USUAL = {"counts": _COUNTS, "seed": 880_301, "edge": 128}
+# Neither evaluations nor tests use pairs of this seed
+_USUAL = {"counts": DRAWS, "seed": 880_301, "edge": 128}
 # Modules that affect the recorded evidence. Modules that evaluate it can change without new recordings.
 _MEASURING = ("registration", "grid", "scan", "expected", "prior", "so3", "geometry", "translation")
 SOURCES = (
@@ -181,7 +171,7 @@ _MEASURED = ("psr", "view", "surface", "sharpness", "firmness", "overlap", "slid
 def create(request: Request) -> Experiment:
     """A job is one draw of a set, as swath-0003; `quick` runs one draw of each set on grids of half the edge."""
     draws = request.pairs or (1 if request.quick else None)
-    counts = _COUNTS if draws is None else dict.fromkeys(_COUNTS, draws)
+    counts = DRAWS if draws is None else dict.fromkeys(DRAWS, draws)
     settings = as_asked(request, _USUAL | {"counts": counts}, {"edge": 64})
 
     def run(job: str) -> Outcome:

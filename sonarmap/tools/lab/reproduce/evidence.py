@@ -34,6 +34,9 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.simulation import Simulation, observe, simulate
 
 STILL, UNRELATED, SURVEY = "still", "unrelated", "survey"
+# Usual number of draws of each set: one of a kind has five registrations, one of a survey about 35. A sixth of the
+# still pairs has half of the voxels per edge, another twice as many.
+DRAWS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240}
 # Values of the cell "known", beside the names of priors: the pose is expected, correctly or wrongly
 EXPECTED, ELSEWHERE = "expected", "expected elsewhere"
 _TURNS: tuple[Turn, ...] = ("view", "yaw", "any")
@@ -57,7 +60,7 @@ class EvidencePair(SetPair):
 def draw(name: str, number: int, seed: int, edge: int) -> Iterator[EvidencePair]:
     """The pairs of draw `number` of a set: a kind of scan or one of STILL, UNRELATED and SURVEY. None if a scene has no
     such pair; the arguments determine the pairs."""
-    rng = np.random.default_rng([seed, number, 1 + sorted((*SCAN_KINDS, STILL, UNRELATED, SURVEY)).index(name)])
+    rng = np.random.default_rng([seed, number, 1 + sorted(DRAWS).index(name)])
     draws = {STILL: _still, UNRELATED: _of_unrelated, SURVEY: _survey}.get(name)
     try:
         pairs = list(_kind(name, number, seed, edge, rng) if draws is None else draws(number, seed, edge, rng))
