@@ -244,6 +244,7 @@ def _flag(option: str) -> str:
     return f"--{option.replace('_', '-')}"
 
 
+JobResult = tuple[str, Outcome, float]  # key of a job, its outcome, wall time [s]
 _experiment: Experiment | None = None  # of this process, if it is a worker
 
 
@@ -256,22 +257,18 @@ class WorkerProcesses:
     request: Request  # the options, without a device
     device: str | None  # selector for `choose_device`
 
+    def begin(self) -> None:
+        """Create the experiment of this worker process."""
+        global _experiment
+        from sonarmap.kernels.device.device import choose_device
 
-JobResult = tuple[str, Outcome, float]  # key of the job, its outcome, wall time [s]
+        _experiment = create_from(self.module, replace(self.request, device=choose_device(self.device)))
 
-
-def begin(processes: WorkerProcesses) -> None:
-    """Create the experiment of this worker process."""
-    global _experiment
-    from sonarmap.kernels.device.device import choose_device
-
-    _experiment = create_from(processes.module, replace(processes.request, device=choose_device(processes.device)))
-
-
-def run_in_worker(jobs: Sequence[str]) -> list[JobResult]:
-    """Run jobs of the experiment that `begin` created in this process."""
-    assert _experiment is not None, "`begin` was not called in this process"
-    return [run_job(_experiment, job) for job in jobs]
+    @staticmethod
+    def run(jobs: Sequence[str]) -> list[JobResult]:
+        """Run jobs of the experiment that `begin` created in this process."""
+        assert _experiment is not None, "`begin` was not called in this process"
+        return [run_job(_experiment, job) for job in jobs]
 
 
 def run_job(experiment: Experiment, job: str) -> JobResult:

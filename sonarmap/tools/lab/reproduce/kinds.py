@@ -72,7 +72,7 @@ def create(request: Request) -> Experiment:
 def _row(pair: KindPair, grid: Grid, known: str, method: str, device: str | None) -> Row:
     instruments = PRIORS[known]
     measured = pair if instruments is None else pair.with_priors(instruments)
-    registration = answer(registrar(method, grid, device), measured.target, measured.source)
+    registration, _ = answer(registrar(method, grid, device), measured.target, measured.source)
     cells: dict[str, Value] = {name: getattr(pair, name) for name in ("kind", "number", "scene", "relief", "shared")}
     cells |= {"priors": known, "method": method, "voxel_m": grid.voxel}
     cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration)

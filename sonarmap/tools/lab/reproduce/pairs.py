@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
-from time import perf_counter
 from typing import cast
 
 from scipy.spatial.transform import RigidTransform
@@ -21,7 +20,6 @@ from sonarmap.tools.lab.reproduce.registrations import (
     claims,
     compared_methods,
     errors,
-    finish_device,
     paper_grid,
     registrar,
 )
@@ -132,13 +130,10 @@ def _pairs(batch: str, settings: Settings) -> Iterator[SetPair]:
 
 def _registered(pair: SetPair, method: str, registrar: Registrar) -> tuple[dict[str, Value], dict[str, Value]]:
     """The row of a pair, and the row of its time for preparing both scans and registering them."""
-    finish_device(registrar)
-    start = perf_counter()
-    registration = answer(registrar, pair.target, pair.source)
+    registration, seconds = answer(registrar, pair.target, pair.source)
     cells = pair.cells | {"method": method}
-    seconds = cells | {"seconds": perf_counter() - start}
     scored = {} if pair.truth is None else errors(registration, pair.truth, pair.grid.voxel)
-    return cells | scored | claims(registration), seconds
+    return cells | scored | claims(registration), cells | {"seconds": seconds}
 
 
 def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:

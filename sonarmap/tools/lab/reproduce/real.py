@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -23,14 +22,7 @@ from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.readers.selection import natural_key
 from sonarmap.tools.files.readers.trajectory import GT_LOG, TruePair, read_gt_log
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, Value, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.registrations import (
-    answer,
-    claims,
-    compared_methods,
-    errors,
-    finish_device,
-    registrar,
-)
+from sonarmap.tools.lab.reproduce.registrations import answer, claims, compared_methods, errors, registrar
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS, Instruments, instruments_for, measure_pose
 from sonarmap.tools.methods.registry import find_method
 
@@ -211,10 +203,7 @@ class _RealPairs:
         grid = choose_grid(scans, self._settings.edge, self._settings.voxel)
         target, source = self._with_priors(scans, real_set, pair, known)
         built = registrar(method, grid, self._device, math.radians(self._settings.max_tilt))
-        finish_device(built)
-        start = perf_counter()
-        registration = answer(built, target, source)
-        seconds = perf_counter() - start
+        registration, seconds = answer(built, target, source)
         drawn = known in self._draws
         cells: dict[str, Value] = {
             "set": real_set.name,

@@ -1,5 +1,7 @@
 """The compared methods, and cells of a row with a registration's values and errors."""
 
+from time import perf_counter
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -16,10 +18,7 @@ EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "icp", "icp-plane", "gic
 EXTENT = 256.0  # edge of the paper's grid [m]
 PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 # Code that affects the rows of experiments on simulated pairs, beside that of the methods
-SOURCES = (
-    *("tools/lab/simulate", "tools/lab/evaluate", "spectral/grid.py"),
-    "tools/lab/reproduce/registrations.py",
-)
+SOURCES = ("tools/lab/simulate", "tools/lab/evaluate", "spectral/grid.py", "tools/lab/reproduce/registrations.py")
 
 
 def compared_methods(request: Request) -> dict[str, tuple[str, ...]]:
@@ -53,12 +52,16 @@ def finish_device(registrar: Registrar) -> None:
         device.queue.finish()
 
 
-def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
-    """Prepare and register two scans; an InputError of the method becomes a refused registration."""
+def answer(registrar: Registrar, target: Scan, source: Scan) -> tuple[Registration, float]:
+    """Prepare and register two scans, and the time of that [s]; an InputError of the method becomes a refused
+    registration."""
+    finish_device(registrar)
+    start = perf_counter()
     try:
-        return registrar.register(registrar.prepare(target), registrar.prepare(source))
+        registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
     except InputError as error:
-        return refused(str(error))
+        registration = refused(str(error))
+    return registration, perf_counter() - start
 
 
 def refused(reason: str) -> Registration:

@@ -16,16 +16,7 @@ from sonarmap.slam.execute.processes import spawned
 from sonarmap.tools.files.user_file import package_versions
 from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.lab.bench.timing import count_cores, processor_name
-from sonarmap.tools.lab.reproduce.experiments import (
-    Experiment,
-    JobResult,
-    Outcome,
-    Row,
-    WorkerProcesses,
-    begin,
-    run_in_worker,
-    run_job,
-)
+from sonarmap.tools.lab.reproduce.experiments import Experiment, JobResult, Outcome, Row, WorkerProcesses, run_job
 from sonarmap.tools.lab.terminal import Follow
 from sonarmap.tools.methods.fingerprint import fingerprint, method_sources, method_versions, source_digest
 from sonarmap.tools.methods.registry import find_method
@@ -164,9 +155,9 @@ def _running(
     batches: dict[str, list[str]] = {}
     for job in jobs:  # jobs that differ only in their last part share work
         batches.setdefault(job.rpartition("/")[0] or job, []).append(job)
-    with spawned(options.workers.count, begin, options.workers) as pool:
+    with spawned(options.workers.count, WorkerProcesses.begin, options.workers) as pool:
         executor = Executor(pool, options.workers.count)
-        with closing(executor.run(run_in_worker, ((batch,) for batch in batches.values()))) as groups:
+        with closing(executor.run(WorkerProcesses.run, ((batch,) for batch in batches.values()))) as groups:
             yield (group for _, group in groups)
 
 

@@ -9,16 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from sonarmap.tools.lab.reproduce import paper_tables as paper
 from sonarmap.tools.lab.reproduce.confidence import HELD_OUT, SET_HELD_OUT
-from sonarmap.tools.lab.reproduce.paper_tables import (
-    FLOODGATE,
-    GAUSSIAN,
-    LIMITS,
-    ROTATION,
-    TRANSLATION,
-    last_right,
-    step_name,
-)
 from sonarmap.tools.lab.reproduce.registrations import OURS
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, ratio, share, where
 from sonarmap.tools.lab.reproduce.survey import USUAL
@@ -55,8 +47,8 @@ def binned(condition: str, column: str, bounds: tuple[float, ...], name: str) ->
 
 
 def _reach(frame: Frame) -> str:
-    ends = last_right(frame, "step", "scene", "seed")
-    return f"{step_name(median_low(ends))} ({step_name(min(ends))}..{step_name(max(ends))})"
+    ends = paper.last_right(frame, "step", "scene", "seed")
+    return f"{paper.step_name(median_low(ends))} ({paper.step_name(min(ends))}..{paper.step_name(max(ends))})"
 
 
 PAIRS = (
@@ -406,11 +398,11 @@ CONFIDENCE = (
 )
 
 SHOWN: Mapping[str, tuple[Table, ...]] = {
-    "translation": TRANSLATION,
-    "rotation": ROTATION,
-    "limits": LIMITS,
-    "gaussian": GAUSSIAN,
-    "floodgate": FLOODGATE,
+    "translation": paper.TRANSLATION,
+    "rotation": paper.ROTATION,
+    "limits": paper.LIMITS,
+    "gaussian": paper.GAUSSIAN,
+    "floodgate": paper.FLOODGATE,
     "pairs": PAIRS,
     "kinds": KINDS,
     "real": REAL,
