@@ -98,7 +98,8 @@ class Observer:
         return self.sensor.directions()
 
     @cached_property
-    def _stride(self) -> int:
+    def stride(self) -> int:
+        """The coarse search takes every `stride`-th beam of a row and of a column."""
         beams = self.sensor.rows * self.sensor.columns
         return int(np.clip(np.sqrt(beams / COARSE_BEAMS), 1, THIN))
 
@@ -119,25 +120,9 @@ class Observer:
             return False
         return not self.world.is_solid(place[None, :])[0]
 
-    def find_partner(
-        self, target: View, overlaps: tuple[float, float], poses: Callable[[], RigidTransform]
-    ) -> tuple[View, float] | None:
-        """The first view of TRIES `poses` whose overlap with the target is within `overlaps`, and that; or None."""
-
-        def candidates() -> Iterator[Candidate[View]]:
-            for _ in range(TRIES):
-                pose = poses()
-                coarse = self.coarse_points(pose) if self.is_free(pose) else None
-                if coarse is not None:
-                    yield pose, coarse, partial(self.view, pose)
-
-        radius = OVERLAP_RADIUS * self.world.kind.scale
-        wanted = WantedOverlap(*overlaps, radius, DOUBT, max(self._stride**2 - 1, 1))
-        return find_partner(target.points, target.T_world_sensor, candidates(), wanted)
-
     def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
         """Points (K, 3) [m, sensor frame] of a few beams; None if they already rule the view out."""
-        few = self._directions[:: self._stride, :: self._stride].reshape(-1, 3)
+        few = self._directions[:: self.stride, :: self.stride].reshape(-1, 3)
         origins = np.broadcast_to(pose.translation, few.shape)
         ranges, _ = self.world.intersect(origins, pose.rotation.apply(few))
         ranges[(ranges < self.sensor.min_range) | (ranges > self.sensor.max_range)] = np.inf
@@ -179,13 +164,24 @@ def draw_views(
     """Draw the view of a target, tilted by up to `max_tilt` [rad], and that of a source with an overlap within
     `overlaps`, of the poses that `draw_source` draws for a target; and the overlap. Raises InputError: none for any of
     PLACES targets."""
+    first, second = observers
+
+    def candidates(target: View) -> Iterator[Candidate[View]]:
+        for _ in range(TRIES):
+            pose = draw_source(target)
+            coarse = second.coarse_points(pose) if second.is_free(pose) else None
+            if coarse is not None:
+                yield pose, coarse, partial(second.view, pose)
+
+    radius = OVERLAP_RADIUS * second.world.kind.scale
+    wanted = WantedOverlap(*overlaps, radius, DOUBT, max(second.stride**2 - 1, 1))
     for _ in range(PLACES):
-        target = first_view(observers[0], max_tilt, rng)
-        match = observers[1].find_partner(target, overlaps, partial(draw_source, target))
+        target = first_view(first, max_tilt, rng)
+        match = find_partner(target.points, target.T_world_sensor, candidates(target), wanted)
         if match is not None:
             return target, *match
     raise InputError(
-        f"no two views of {observers[0].world.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: "
+        f"no two views of {first.world.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: "
         f"{PLACES} targets, {TRIES} sources tried for each; widen the range, or take another number or seed"
     )
 
