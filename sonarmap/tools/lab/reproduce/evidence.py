@@ -58,8 +58,8 @@ class EvidencePair(SetPair):
 
 
 def draw(name: str, number: int, seed: int, edge: int) -> Iterator[EvidencePair]:
-    """The pairs of draw `number` of a set: a kind of scan or one of STILL, UNRELATED and SURVEY. None if a scene has no
-    such pair; the arguments determine the pairs."""
+    """The pairs of draw `number` of a set of DRAWS: a kind of scan or one of STILL, UNRELATED and SURVEY. None if a
+    scene has no such pair; the arguments determine the pairs."""
     rng = np.random.default_rng([seed, number, 1 + sorted(DRAWS).index(name)])
     draws = {STILL: _still, UNRELATED: _of_unrelated, SURVEY: _survey}.get(name)
     try:
@@ -106,18 +106,16 @@ def _still(number: int, seed: int, edge: int, _rng: np.random.Generator) -> Iter
     """Two views of a scene, each taken at rest, with each kind of relative rotation in turn."""
     turn, size = _TURNS[number % 3], {1: edge // 2, 4: 2 * edge}.get(number % 6, edge)
     pair = related(number, seed, turn, size)
-    if pair is not None:
-        cells = _cells(str(pair.cells["scene"]), NOTHING)
-        yield EvidencePair(cells, pair.target, pair.source, pair.truth, pair.grid, any_tilt=turn == "any")
+    cells = _cells(str(pair.cells["scene"]), NOTHING)
+    yield EvidencePair(cells, pair.target, pair.source, pair.truth, pair.grid, any_tilt=turn == "any")
 
 
 def _of_unrelated(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iterator[EvidencePair]:
     """Two views of scenes that share nothing, without an expected pose and with a wrong one."""
     pair = unrelated(number, seed, {1: edge // 2, 4: 2 * edge}.get(number % 6, edge))
-    if pair is not None:
-        free = EvidencePair(_cells(str(pair.cells["scene"]), NOTHING), pair.target, pair.source, None, pair.grid)
-        yield free
-        yield from _about(free, number, rng)
+    free = EvidencePair(_cells(str(pair.cells["scene"]), NOTHING), pair.target, pair.source, None, pair.grid)
+    yield free
+    yield from _about(free, number, rng)
 
 
 def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iterator[EvidencePair]:

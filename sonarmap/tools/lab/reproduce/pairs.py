@@ -24,7 +24,13 @@ from sonarmap.tools.lab.reproduce.registrations import (
     registrar,
 )
 from sonarmap.tools.lab.simulate.plan import table1_pair
-from sonarmap.tools.lab.simulate.random_pairs import Turn, evaluation_pair, evaluation_unrelated
+from sonarmap.tools.lab.simulate.random_pairs import (
+    EvaluationPair,
+    Turn,
+    UnrelatedPair,
+    evaluation_pair,
+    evaluation_unrelated,
+)
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
@@ -119,13 +125,13 @@ def _pairs(batch: str, settings: Settings) -> Iterator[SetPair]:
         return
     for number in range(int(last) * BATCH, (int(last) + 1) * BATCH):
         # pairs of the turn "any" use the next seed
-        pair = (
-            unrelated(number, settings.seed, settings.edge)
-            if part == UNRELATED
-            else related(number, settings.seed + (part == "any"), cast(Turn, part), settings.edge)
-        )
-        if pair is not None:
-            yield pair
+        try:
+            if part == UNRELATED:
+                yield unrelated(number, settings.seed, settings.edge)
+            else:
+                yield related(number, settings.seed + (part == "any"), cast(Turn, part), settings.edge)
+        except InputError:
+            continue
 
 
 def _registered(pair: SetPair, method: str, registrar: Registrar) -> tuple[dict[str, Value], dict[str, Value]]:
@@ -136,34 +142,33 @@ def _registered(pair: SetPair, method: str, registrar: Registrar) -> tuple[dict[
     return cells | scored | claims(registration), cells | {"seconds": seconds}
 
 
-def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:
-    """Pair `number` of the set `seed`, on a grid of `edge` voxels per edge; None if the scene has no such pair."""
+def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair:
+    """Pair `number` of the set `seed`, on a grid of `edge` voxels per edge. Raises InputError: the scene has no such
+    pair."""
     pair = evaluation_pair(number, seed, turn)
-    scale = SCENE_KINDS[pair.scene].scale
-    try:
-        target, source, truth = pair.scans()
-        bare_target, bare_source, _ = replace(pair, noise=Noise()).scans()
-    except InputError:
-        return None
-    shared = mutual_overlap(bare_target.points, bare_source.points, truth, OVERLAP_RADIUS * scale)
-    grid = choose_grid((target, source), edge)
-    cells = _cells(OVERLAP, turn, number, pair.scene, pair.noise, shared, grid)
-    return SetPair(cells, target, source, truth, grid)
+    scans = pair.scans()
+    bare_target, bare_source, truth = replace(pair, noise=Noise()).scans()
+    radius = OVERLAP_RADIUS * SCENE_KINDS[pair.scene].scale
+    shared = mutual_overlap(bare_target.points, bare_source.points, truth, radius)
+    return _set_pair({"set": OVERLAP, "turn": turn, "number": number}, pair, scans, shared, edge)
 
 
-def unrelated(number: int, seed: int, edge: int) -> SetPair | None:
-    """Pair `number` of the set `seed` of pairs that share nothing; None if a scene has no free position."""
+def unrelated(number: int, seed: int, edge: int) -> SetPair:
+    """Pair `number` of the set `seed` of pairs that share nothing. Raises InputError: a scene has no free position."""
     pair = evaluation_unrelated(number, seed)
-    try:
-        target, source = pair.scans()
-    except InputError:
-        return None
+    cells: dict[str, Value] = {"set": UNRELATED, "turn": "none", "number": number}
+    return _set_pair(cells, pair, (*pair.scans(), None), 0.0, edge)
+
+
+def _set_pair(
+    cells: dict[str, Value],
+    pair: EvaluationPair | UnrelatedPair,
+    scans: tuple[Scan, Scan, RigidTransform | None],
+    shared: float,
+    edge: int,
+) -> SetPair:
+    target, source, truth = scans
     grid = choose_grid((target, source), edge)
-    cells = _cells(UNRELATED, "none", number, pair.scene, pair.noise, 0.0, grid)
-    return SetPair(cells, target, source, None, grid)
-
-
-def _cells(name: str, turn: str, number: int, scene: str, noise: Noise, shared: float, grid: Grid) -> dict[str, Value]:
-    sigma2 = noise.sigma2 / SCENE_KINDS[scene].scale ** 2
-    cells: dict[str, Value] = {"set": name, "turn": turn, "number": number, "scene": scene}
-    return cells | {"sigma2": round(sigma2, 6), "shared": shared, "voxel_m": grid.voxel}
+    sigma2 = pair.noise.sigma2 / SCENE_KINDS[pair.scene].scale ** 2
+    cells |= {"scene": pair.scene, "sigma2": round(sigma2, 6), "shared": shared, "voxel_m": grid.voxel}
+    return SetPair(cells, target, source, truth, grid)

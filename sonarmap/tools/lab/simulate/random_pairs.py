@@ -104,10 +104,7 @@ def random_pair(
     tilt = max_tilt if turn == "view" else POSE_TILT
     target, source, _ = draw_views((observer, observer), overlaps, tilt, draw_source, rng)
     T_target_sensor = target.T_world_sensor.inv() * source.T_world_sensor
-    scans = (
-        _scan(observer, target, noise, target_seed, 0.0, "target"),
-        _scan(observer, source, noise, source_seed, 1.0, "source"),
-    )
+    scans = _scan(observer, target, noise, target_seed), _scan(observer, source, noise, source_seed, "source")
     if turn == "view":
         return *scans, T_target_sensor
     R_sensor_frame = T_target_sensor.rotation.inv() * frame.R_target_frame(T_target_sensor.rotation)
@@ -128,10 +125,8 @@ def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str) -> tupl
     target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
     R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
     R_sensor_frame = R_target_sensor.inv() * frame.R_target_frame(R_target_sensor)
-    return (
-        _scan(observers[0], target, noise, view_seeds[0], 0.0, "target"),
-        _reframed(_scan(observers[1], source, noise, view_seeds[1], 1.0, "source"), R_sensor_frame),
-    )
+    turned = _reframed(_scan(observers[1], source, noise, view_seeds[1], "source"), R_sensor_frame)
+    return _scan(observers[0], target, noise, view_seeds[0]), turned
 
 
 def unrelated_scenes(scene: str) -> tuple[str, ...]:
@@ -162,10 +157,10 @@ def _aside(
     return RigidTransform.from_components(place, target.T_world_sensor.rotation * R_target_sensor)
 
 
-def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, stamp: float, name: str) -> Scan:
+def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, name: str = "target") -> Scan:
     world, sensor = observer.world, observer.sensor
     echoes = measure(world, sensor, view.T_world_sensor, view.echoes, noise, np.random.default_rng(seed))
-    return scan_of(echoes, sensor, stamp=stamp, name=name)
+    return scan_of(echoes, sensor, stamp=float(name == "source"), name=name)
 
 
 def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:
@@ -218,33 +213,20 @@ class UnrelatedPair:
 
 def evaluation_pair(number: int, seed: int, turn: Turn) -> EvaluationPair:
     """Pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
-    scene = _scene_of(number, seed)
-    return EvaluationPair(
-        scene,
-        SET_OVERLAPS[number % len(SET_OVERLAPS)],
-        turn,
-        _noise(number, scene),
-        _seed_of(number, seed, 1),
-    )
+    scene, noise, pair_seed = _drawn(number, seed, 1)
+    return EvaluationPair(scene, SET_OVERLAPS[number % len(SET_OVERLAPS)], turn, noise, pair_seed)
 
 
 def evaluation_unrelated(number: int, seed: int) -> UnrelatedPair:
     """Unrelated pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
-    scene = _scene_of(number, seed)
-    return UnrelatedPair(scene, _noise(number, scene), _seed_of(number, seed, 2))
+    return UnrelatedPair(*_drawn(number, seed, 2))
 
 
-def _scene_of(number: int, seed: int) -> str:
+def _drawn(number: int, seed: int, stream: int) -> tuple[str, Noise, int]:
+    """Scene, noise and seed of a pair; the seed has 32 bits, unlike the small seeds of other scenes."""
     if number < 0 or seed < 0:
         raise InputError(f"pair {number} of the set {seed}; wanted two numbers >= 0")
-    return SET_SCENES[number % len(SET_SCENES)]
-
-
-def _noise(number: int, scene: str) -> Noise:
+    scene = SET_SCENES[number % len(SET_SCENES)]
     sigma2 = SET_SIGMA2[number // len(SET_SCENES) % len(SET_SIGMA2)] * SCENE_KINDS[scene].scale ** 2
-    return Noise(sigma2, OUTLIERS, DROPOUTS, GHOSTS, SPECKLE)
-
-
-def _seed_of(number: int, seed: int, stream: int) -> int:
-    """A seed of 32 bits, unlike the small seeds of other scenes."""
-    return int(np.random.SeedSequence([seed, number, stream]).generate_state(1)[0])
+    pair_seed = int(np.random.SeedSequence([seed, number, stream]).generate_state(1)[0])
+    return scene, Noise(sigma2, OUTLIERS, DROPOUTS, GHOSTS, SPECKLE), pair_seed
