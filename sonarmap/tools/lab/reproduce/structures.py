@@ -1,6 +1,6 @@
 """Whole structures that are moved or tilted in a fixed grid, with voxel noise (paper Sects. 2.7 and 3)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
@@ -149,11 +149,29 @@ def create_rotation(request: Request) -> Experiment:
 
 
 def create_limits(request: Request) -> Experiment:
-    """Errors of the resampling under tilt (Figs. 7 to 9)."""
+    """Errors of the resampling under tilt (Figs. 7 to 9); a job is all tilts of one kind at all yaws, as
+    floodgate/1/both."""
     settings = as_asked(request, _LIMITS, _QUICK | {"tilts_deg": (10.0, 20.0, 35.0), "yaws_deg": (-40.0, 40.0)})
     kinds = ("none", "roll", "pitch", "both")
     jobs = [f"{scene}/{seed}/{kind}" for scene, seed in _structures(settings) for kind in kinds]
-    return Experiment("limits", settings, jobs, _tilting(settings, request.opened), SOURCES)
+    structures = _Structures(settings, request.opened)
+
+    def run(job: str) -> Outcome:
+        scene, seed, kind = job.split("/")
+        points = _surface(scene, int(seed), structures.grid.voxel)
+        at_rest = structures.prepare(points, "D0", [0])
+        rows, seconds = [], []
+        for tilt in (0.0,) if kind == "none" else settings.tilts_deg:
+            for yaw in settings.yaws_deg:
+                start = perf_counter()
+                pitch, roll = (tilt if kind in (angle, "both") else 0.0 for angle in ("pitch", "roll"))
+                truth = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+                off = _steps(structures, structures.prepare(truth.apply(points), "D0", [0]), at_rest, truth)
+                rows.append({"scene": scene, "seed": int(seed), "tilted": kind, "tilt_deg": tilt, "yaw_deg": yaw} | off)
+                seconds.append({"job": job, "tilt_deg": tilt, "yaw_deg": yaw, "seconds": perf_counter() - start})
+        return Outcome(tuple(rows), tuple(seconds))
+
+    return Experiment("limits", settings, jobs, run, SOURCES)
 
 
 class _Structures:
@@ -167,10 +185,6 @@ class _Structures:
         """The paper's chain."""
         return HemisphereRegistrar(self.device, self.grid, HemisphereConfig(centered=False))
 
-    def points(self, scene: str, seed: int) -> np.ndarray:
-        """(N, 3) float64 points all over a scene's surfaces, dense enough for the grid's voxels [m]."""
-        return _surface(scene, seed, _SPACING * self.grid.voxel)
-
     def prepare(self, points: np.ndarray, noise: str, seeds: Sequence[int]) -> LayeredScan:
         """The prepared scan of points as voxels, with noise determined by the seeds."""
         rng = np.random.default_rng(np.random.SeedSequence(seeds))
@@ -179,8 +193,9 @@ class _Structures:
 
 
 @lru_cache(maxsize=1)
-def _surface(scene: str, seed: int, spacing: float) -> np.ndarray:
-    return surface_points(build_scene(scene, seed).mesh, spacing).astype(np.float64)
+def _surface(scene: str, seed: int, voxel: float) -> np.ndarray:
+    """(N, 3) float64 points all over a scene's surfaces, dense enough for voxels of this edge [m]."""
+    return surface_points(build_scene(scene, seed).mesh, _SPACING * voxel).astype(np.float64)
 
 
 def _structures(settings: Settings) -> list[tuple[str, int]]:
@@ -200,7 +215,7 @@ def _moved(name: str, settings: Settings, device: Device, motions: Sequence[Rigi
         """
         scene, noise, number = job.split("/")
         seed, grid = int(number), structures.grid
-        points = structures.points(scene, seed)
+        points = _surface(scene, seed, grid.voxel)
         extent = int(occupy(points, grid).sum())
         family = [seed, list(NOISES).index(noise)]
         source = structures.prepare(points, noise, [*family, 0])
@@ -237,28 +252,6 @@ def _moved_cells(truth: RigidTransform, registration: Registration, voxel: float
         "accepted": registration.accepted,
         **{"psr": registration.psr, "yaw_psr": steps["yaw"], "tilt_psr": steps["tilt"]},
     }
-
-
-def _tilting(settings: Settings, device: Device) -> Callable[[str], Outcome]:
-    """A function that runs a job of the limits, as floodgate/1/both: all tilts of one kind at all yaws."""
-    structures = _Structures(settings, device)
-
-    def run(job: str) -> Outcome:
-        scene, seed, kind = job.split("/")
-        points = structures.points(scene, int(seed))
-        at_rest = structures.prepare(points, "D0", [0])
-        rows, seconds = [], []
-        for tilt in (0.0,) if kind == "none" else settings.tilts_deg:
-            for yaw in settings.yaws_deg:
-                start = perf_counter()
-                pitch, roll = (tilt if kind in (angle, "both") else 0.0 for angle in ("pitch", "roll"))
-                truth = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
-                off = _steps(structures, structures.prepare(truth.apply(points), "D0", [0]), at_rest, truth)
-                rows.append({"scene": scene, "seed": int(seed), "tilted": kind, "tilt_deg": tilt, "yaw_deg": yaw} | off)
-                seconds.append({"job": job, "tilt_deg": tilt, "yaw_deg": yaw, "seconds": perf_counter() - start})
-        return Outcome(tuple(rows), tuple(seconds))
-
-    return run
 
 
 def _steps(structures: _Structures, target: LayeredScan, source: LayeredScan, truth: Rotation) -> dict[str, float]:
