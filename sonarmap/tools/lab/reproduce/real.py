@@ -4,7 +4,7 @@ import hashlib
 import math
 import re
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +21,7 @@ from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.readers.selection import natural_key
 from sonarmap.tools.files.readers.trajectory import GT_LOG, TruePair, read_gt_log
-from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Settings, Value, all_seeds, as_asked
+from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Value, all_seeds, as_asked
 from sonarmap.tools.lab.reproduce.registrations import answer, claims, compared_methods, errors, registrar
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS, Instruments, instruments_for, measure_pose
 from sonarmap.tools.methods.registry import find_method
@@ -172,61 +172,49 @@ def create(request: Request) -> Experiment:
     settings = as_asked(request, usual, {"edge": 64, "seeds": 1, "first_only": True})
     # seeds of the drawn measurements, by the part of the key that names them
     draws = {f"{','.join(settings.known)},seed={seed}": seed for seed in all_seeds(settings)} if settings.known else {}
-    jobs = [
-        f"{real_set.key}/{pair.name}/{known}/{method}"
+    jobs = {
+        f"{real_set.key}/{pair.name}/{known}/{method}": (real_set, pair, known, method)
         for real_set in sets
         for pair in (real_set.pairs[:1] if settings.first_only else real_set.pairs)
         for known in (NOTHING, *([FILE] if real_set.priors else []), *draws)
         for method in settings.methods
         if known == NOTHING or "priors" in find_method(method).options
-    ]
-    run = _RealPairs(sets, settings, draws, request.opened.selector).run
-    return Experiment("real", settings, jobs, run, SOURCES, settings.methods, ("edge", "voxel", "max_tilt"))
+    }
+    read = lru_cache(maxsize=1)(lambda target, source: (read_scan(target), read_scan(source)))  # for the next method
 
-
-class _RealPairs:
-    """Registers pairs, and caches the scans of the last pair for the next method."""
-
-    def __init__(self, sets: Iterable[RealSet], settings: Settings, draws: Mapping[str, int], device: str | None):
-        self._pairs = {(real.key, pair.name): (real, pair) for real in sets for pair in real.pairs}
-        self._settings, self._draws, self._device = settings, draws, device
-        self._instruments = Instruments(
-            **{kind: SIGMAS[kind] if kind in settings.known else math.inf for kind in KINDS}
-        )
-        self._read = lru_cache(maxsize=1)(lambda target, source: (read_scan(target), read_scan(source)))
-
-    def run(self, job: str) -> Outcome:
+    def run(job: str) -> Outcome:
         """Register a pair by one method; its time includes the preparation of both scans."""
-        key, name, known, method = job.split("/")
-        real_set, pair = self._pairs[key, name]
-        scans = self._read(pair.target, pair.source)
-        grid = choose_grid(scans, self._settings.edge, self._settings.voxel)
-        target, source = self._with_priors(scans, real_set, pair, known)
-        built = registrar(method, grid, self._device, math.radians(self._settings.max_tilt))
-        registration, seconds = answer(built, target, source)
-        drawn = known in self._draws
+        real_set, pair, known, method = jobs[job]
+        scans = read(pair.target, pair.source)
+        grid = choose_grid(scans, settings.edge, settings.voxel)
+        built = registrar(method, grid, request.opened.selector, math.radians(settings.max_tilt))
+        if known in draws:
+            scans = _measured(scans, real_set, pair, draws[known], settings.known)
+        elif known == FILE and real_set.priors is not None:
+            scans = navigate(scans, real_set.priors, allow_unknown=True).scans
+        registration, seconds = answer(built, *scans)
         cells: dict[str, Value] = {
             "set": real_set.name,
-            "pair": name,
-            "known": ", ".join(self._settings.known) if drawn else known,
-            "draw": str(self._draws[known]) if drawn else "",
+            "pair": pair.name,
+            "known": ", ".join(settings.known) if known in draws else known,
+            "draw": str(draws.get(known, "")),
             "method": method,
         }
         scored = errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
         return Outcome((cells | {"voxel_m": grid.voxel} | scored,), (cells | {"seconds": seconds},))
 
-    def _with_priors(self, scans: Sequence[Scan], real_set: RealSet, pair: RealPair, known: str) -> Sequence[Scan]:
-        """The scans with their priors: from the file, or simulated measurements of the true poses."""
-        if known == NOTHING:
-            return scans
-        if known == FILE and real_set.priors is not None:
-            return navigate(scans, real_set.priors, allow_unknown=True).scans
-        poses = RigidTransform.identity(), pair.T_target_source  # the world is the target's frame
-        entropy = [self._draws[known], zlib.crc32(f"{real_set.name}/{pair.name}".encode())]
-        return [
-            replace(scan, prior=measure_pose(pose, self._instruments, np.random.default_rng([*entropy, stream])))
-            for scan, pose, stream in zip(scans, poses, (_TARGET_STREAM, _SOURCE_STREAM), strict=True)
-        ]
+    return Experiment("real", settings, tuple(jobs), run, SOURCES, settings.methods, ("edge", "voxel", "max_tilt"))
+
+
+def _measured(scans: Sequence[Scan], real_set: RealSet, pair: RealPair, seed: int, known: Sequence[str]) -> list[Scan]:
+    """The scans with priors: simulated measurements of the true poses by the `known` instruments."""
+    instruments = Instruments(**{kind: SIGMAS[kind] if kind in known else math.inf for kind in KINDS})
+    poses = RigidTransform.identity(), pair.T_target_source  # the world is the target's frame
+    entropy = [seed, zlib.crc32(f"{real_set.name}/{pair.name}".encode())]
+    return [
+        replace(scan, prior=measure_pose(pose, instruments, np.random.default_rng([*entropy, stream])))
+        for scan, pose, stream in zip(scans, poses, (_TARGET_STREAM, _SOURCE_STREAM), strict=True)
+    ]
 
 
 def _known(request: Request) -> tuple[str, ...]:
