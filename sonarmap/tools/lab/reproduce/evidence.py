@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from math import nan, pi
 from typing import Any
 
@@ -193,7 +193,7 @@ class Recorder(SpectralRegistrar):
             "refused": bool(test.bounds.refusal(T[0].rotation, T[0].translation)),
             "search": test.bounds.search(self.grid.extent),
         }
-        rows[0]["numbers"] = _text(xi=xi, centers=centers, fit=_contents(best), seen=_contents(seen))
+        rows[0]["numbers"] = _text(xi=xi, centers=centers, fit=asdict(best), seen=asdict(seen))
         return rows
 
 
@@ -210,12 +210,6 @@ def fit_of(numbers: dict[str, Any]) -> Fit:
 def seen_of(numbers: dict[str, Any]) -> Observability:
     """The observability of the best hypothesis, from the same text."""
     return Observability(**{name: np.array(value) for name, value in numbers["seen"].items()})
-
-
-def _contents(value: Any) -> dict[str, Any]:
-    """The fields of a dataclass by name; a PriorTerm in it becomes a dictionary, too."""
-    parts = {field.name: getattr(value, field.name) for field in fields(value)}
-    return {name: _contents(part) if isinstance(part, PriorTerm) else part for name, part in parts.items()}
 
 
 def _text(**values: Any) -> str:
