@@ -154,7 +154,7 @@ _MEASURING = ("registration", "grid", "scan", "expected", "prior", "so3", "geome
 SOURCES = (
     *("kernels", "spectral/prepare", "spectral/verify", *(f"spectral/{name}.py" for name in _MEASURING)),
     *("tools/lab/simulate", "tools/lab/evaluate"),
-    *(f"tools/lab/reproduce/{name}.py" for name in ("evidence", "kinds", "pairs", "registrations")),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("evidence", "pairs", "registrations")),
 )
 _FOLDS = 5
 HELD_OUT = "other pairs"  # values of the column "fitted_to": fitted to pairs of the other folds, or of the other sets

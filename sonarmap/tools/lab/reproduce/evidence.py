@@ -24,8 +24,7 @@ from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
 from sonarmap.spectral.verify.verifier import Observability
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.experiments import Row, Value
-from sonarmap.tools.lab.reproduce.kinds import LEVELED, NAVIGATION, NOTHING, PRIORS
-from sonarmap.tools.lab.reproduce.pairs import SetPair, related, unrelated
+from sonarmap.tools.lab.reproduce.pairs import LEVELED, NAVIGATION, NOTHING, PRIORS, SetPair, related, unrelated
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF
 from sonarmap.tools.lab.simulate.plan import louder, plan

@@ -144,6 +144,7 @@ class ExperimentEntry:
 
 
 _HERE = "sonarmap.tools.lab.reproduce"
+_PAPER_SCANS = f"{_HERE}.paper_scans"
 _STRUCTURES = ("scene", "grid", "seeds", "seed")
 _PAIRS = ("grid", "pairs", "seed", "method")
 _MADE_UP = "the mapper's own work on 1,000 to 10,000 scans, with made-up registrations"
@@ -154,14 +155,16 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = {
     "translation": ExperimentEntry("Figs. 12, 14, 15", f"{_HERE}.structures:create_translation", _STRUCTURES),
     "rotation": ExperimentEntry("Figs. 16, 17", f"{_HERE}.structures:create_rotation", _STRUCTURES),
     "limits": ExperimentEntry("Figs. 7 to 9", f"{_HERE}.structures:create_limits", _STRUCTURES),
-    "gaussian": ExperimentEntry("Table 1, Figs. 20, 21", f"{_HERE}.gaussian", (*_STRUCTURES, "sigma2")),
-    "floodgate": ExperimentEntry("Sect. 4, Table 2, Figs. 22 to 31", f"{_HERE}.floodgate", _STRUCTURES[1:]),
+    "gaussian": ExperimentEntry("Table 1, Figs. 20, 21", f"{_PAPER_SCANS}:create_gaussian", (*_STRUCTURES, "sigma2")),
+    "floodgate": ExperimentEntry(
+        "Sect. 4, Table 2, Figs. 22 to 31", f"{_PAPER_SCANS}:create_floodgate", _STRUCTURES[1:]
+    ),
     "pairs": ExperimentEntry(
         "pairs of every overlap, along paths, and of unrelated scans",
         f"{_HERE}.pairs",
         (*_PAIRS, "set", "scene", "sigma2", "seeds"),
     ),
-    "kinds": ExperimentEntry("pairs of every kind of scan", f"{_HERE}.kinds", _PAIRS),
+    "kinds": ExperimentEntry("pairs of every kind of scan", f"{_HERE}.pairs:create_kinds", _PAIRS),
     "real": ExperimentEntry(
         "pairs of real scans in a folder DIR",
         f"{_HERE}.real",

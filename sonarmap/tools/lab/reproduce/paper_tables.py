@@ -7,7 +7,7 @@ import numpy as np
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
-from sonarmap.tools.lab.reproduce.floodgate import DISPLACED_90, MAP_90, MAP_MEDIAN, PAIR, POSE, chained
+from sonarmap.tools.lab.reproduce.paper_scans import DISPLACED_90, MAP_90, MAP_MEDIAN, PAIR, POSE, chained
 from sonarmap.tools.lab.reproduce.registrations import less_turns
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, share, where
 

@@ -22,7 +22,7 @@ from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.readers.selection import natural_key
 from sonarmap.tools.files.readers.trajectory import GT_LOG, TruePair, read_gt_log
 from sonarmap.tools.lab.reproduce.experiments import Experiment, Outcome, Request, Value, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.registrations import answer, claims, compared_methods, errors, registrar
+from sonarmap.tools.lab.reproduce.registrations import answer, compared_methods, registrar, scores
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS, Instruments, instruments_for, measure_pose
 from sonarmap.tools.methods.registry import find_method
 
@@ -200,7 +200,7 @@ def create(request: Request) -> Experiment:
             "draw": str(draws.get(known, "")),
             "method": method,
         }
-        scored = errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
+        scored = scores(registration, pair.T_target_source, grid.voxel)
         return Outcome((cells | {"voxel_m": grid.voxel} | scored,), (cells | {"seconds": seconds},))
 
     return Experiment("real", settings, tuple(jobs), run, SOURCES, settings.methods, ("edge", "voxel", "max_tilt"))

@@ -3,22 +3,20 @@
 from time import perf_counter
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
-from sonarmap.tools.lab.reproduce.experiments import Request, Value
+from sonarmap.tools.lab.reproduce.experiments import Request, Row, Value
 from sonarmap.tools.methods.registry import Setup, find_method, is_installed
 
 OURS = "spectral"
 EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "icp", "icp-plane", "gicp")
 EXTENT = 256.0  # edge of the paper's grid [m]
 PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
-# Code that affects the rows of experiments on simulated pairs, beside that of the methods
-SOURCES = ("tools/lab/simulate", "tools/lab/evaluate", "spectral/grid.py", "tools/lab/reproduce/registrations.py")
 
 
 def compared_methods(request: Request) -> dict[str, tuple[str, ...]]:
@@ -75,6 +73,17 @@ def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
     yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True).tolist()
     values = (*T.translation.tolist(), yaw, roll, pitch)
     return {f"{which}_{name}": value for name, value in zip(PARAMETERS, values, strict=True)}
+
+
+def transform(row: Row, which: str) -> RigidTransform:
+    """The "found" or "true" transform in the cells of `parameter_cells`."""
+    x, y, z, yaw, roll, pitch = (float(row[f"{which}_{name}"]) for name in PARAMETERS)
+    return RigidTransform.from_components([x, y, z], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
+
+
+def scores(registration: Registration, truth: RigidTransform | None, voxel: float) -> dict[str, Value]:
+    """Cells of the errors of a registration, if the truth is known, and of the values that it reports."""
+    return ({} if truth is None else errors(registration, truth, voxel)) | claims(registration)
 
 
 def claims(registration: Registration) -> dict[str, Value]:

@@ -13,8 +13,7 @@ from sonarmap.tools.lab.reproduce import paper_tables as paper
 from sonarmap.tools.lab.reproduce.confidence import HELD_OUT, SET_HELD_OUT
 from sonarmap.tools.lab.reproduce.registrations import OURS
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, ratio, share, where
-from sonarmap.tools.lab.reproduce.survey import USUAL
-from sonarmap.tools.lab.reproduce.survey_rows import BETWEEN, FATES, ROLES
+from sonarmap.tools.lab.reproduce.survey import BETWEEN, FATES, ROLES, USUAL
 from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF
 
 # With correct covariances, 95 % of the normalized squared errors are below this quantile, and their mean is 6

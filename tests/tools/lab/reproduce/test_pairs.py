@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.lab.reproduce.experiments import Request, create
-from sonarmap.tools.lab.reproduce.kinds import NAVIGATION, PRIORS, navigation_cells, navigation_covariance
+from sonarmap.tools.lab.reproduce.pairs import NAVIGATION, PRIORS, navigation_cells, navigation_covariance
 from sonarmap.tools.lab.reproduce.registrations import refused
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 

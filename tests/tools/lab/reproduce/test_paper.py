@@ -12,18 +12,18 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiments import Request, Row, Value, create
-from sonarmap.tools.lab.reproduce.floodgate import (
+from sonarmap.tools.lab.reproduce.paper_scans import (
     DISPLACED_90,
     MAP_90,
     MAP_MEDIAN,
     FloodgateSurvey,
+    about_center,
     chain_poses,
     pair_row,
     pose_rows,
-    transform,
+    row_of,
 )
-from sonarmap.tools.lab.reproduce.gaussian import about_center, row_of
-from sonarmap.tools.lab.reproduce.registrations import parameter_cells
+from sonarmap.tools.lab.reproduce.registrations import parameter_cells, transform
 from sonarmap.tools.lab.simulate.plan import table1_pair
 from sonarmap.tools.lab.simulate.scenes.solids import box, merge
 from sonarmap.tools.lab.simulate.trajectories import table1_transform

@@ -11,11 +11,10 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.names import TriedPair
-from sonarmap.tools.lab.reproduce import survey_rows as simulated
+from sonarmap.tools.lab.reproduce import survey as simulated
 from sonarmap.tools.lab.reproduce.experiments import Request, create
-from sonarmap.tools.lab.reproduce.survey import RULES, USUAL
+from sonarmap.tools.lab.reproduce.survey import RULES, USUAL, SimulatedSurvey, simulate_survey, survey_cells
 from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey
-from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, simulate_survey, survey_cells
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh
 from tests.samples.scenes.simulated import COARSE, QUIET
