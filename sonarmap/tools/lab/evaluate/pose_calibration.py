@@ -102,12 +102,8 @@ def _align_first(first: RigidTransform, T_world_sensor: RigidTransform, unmeasur
     place = T_world_sensor[0].translation
     shift = np.where([name in unmeasured for name in ("east", "north", "up")], first.translation - place, 0.0)
     about = RigidTransform.from_translation(place)
-    return (
-        RigidTransform.from_components(shift, Rotation.identity())
-        * about
-        * RigidTransform.from_rotation(turn)
-        * (about.inv() * T_world_sensor)
-    )
+    moved = RigidTransform.from_translation(shift) * about * RigidTransform.from_rotation(turn)
+    return moved * (about.inv() * T_world_sensor)
 
 
 def _squared_mahalanobis(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:

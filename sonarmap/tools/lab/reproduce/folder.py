@@ -38,11 +38,12 @@ def write_experiment(
     """
     name, rows, seconds = experiment.name, result.rows, result.times
     timed = [f"{name}-seconds.csv"] if seconds else []
+    settings = tuple((setting, json.dumps(value)) for setting, value in provenance.settings.items())
     record = Record(
         name=name,
         command=command,
         title=f"{name}: {EXPERIMENTS[name].shows}",
-        tables=(_settings_table(provenance), *_rendered(name, shown, times=False)),
+        tables=(Rendered("Settings", ("setting", "value"), settings), *_rendered(name, shown, times=False)),
         times=_rendered(name, seconds, times=True),
         seconds=sum(result.job_seconds.values()),
         jobs=len(result.outcomes),
@@ -79,11 +80,6 @@ def _rendered(name: str, rows: Sequence[Row], *, times: bool) -> tuple[Rendered,
     frame = frame_of(rows)
     tables = [render(table, frame) for table in SHOWN[name] if table.times == times]
     return tuple(table for table in tables if table is not None)
-
-
-def _settings_table(provenance: Provenance) -> Rendered:
-    rows = tuple((name, json.dumps(value)) for name, value in provenance.settings.items())
-    return Rendered("Settings", ("setting", "value"), rows)
 
 
 def _page(record: Record) -> str:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.geometry import cross_matrices
 from sonarmap.spectral.grid import Grid, choose_grid
-from sonarmap.spectral.result import Registrar, Registration
+from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.lab.reproduce.experiments import PAIR_SETS, Experiment, Outcome, Request, Settings, Value, as_asked
 from sonarmap.tools.lab.reproduce.registrations import OURS, answer, compared_methods, paper_grid, registrar, scores
@@ -88,11 +88,14 @@ def create(request: Request) -> Experiment:
     def run(job: str) -> Outcome:
         batch, _, method = job.rpartition("/")
         max_tilt = pi if batch.startswith("any") else None
-        results = [
-            _registered(pair, method, registrar_on(method, pair.grid, request.opened.selector, max_tilt))
-            for pair in pairs_of(batch)
-        ]
-        return Outcome(tuple(row for row, _ in results), tuple(seconds for _, seconds in results))
+        rows, times = [], []
+        for pair in pairs_of(batch):
+            built = registrar_on(method, pair.grid, request.opened.selector, max_tilt)
+            registration, seconds = answer(built, pair.target, pair.source)
+            cells = pair.cells | {"method": method}
+            rows.append(cells | scores(registration, pair.truth, pair.grid.voxel))
+            times.append(cells | {"seconds": seconds})
+        return Outcome(tuple(rows), tuple(times))
 
     jobs = [job for name in settings.sets for job in _jobs(name, settings)]
     return Experiment("pairs", settings, jobs, run, SOURCES, settings.methods)
@@ -131,13 +134,6 @@ def _pairs(batch: str, settings: Settings) -> Iterator[SetPair]:
                 yield related(number, settings.seed + (part == "any"), cast(Turn, part), settings.edge)
         except InputError:
             continue
-
-
-def _registered(pair: SetPair, method: str, registrar: Registrar) -> tuple[dict[str, Value], dict[str, Value]]:
-    """The row of a pair, and the row of its time for preparing both scans and registering them."""
-    registration, seconds = answer(registrar, pair.target, pair.source)
-    cells = pair.cells | {"method": method}
-    return cells | scores(registration, pair.truth, pair.grid.voxel), cells | {"seconds": seconds}
 
 
 def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair:

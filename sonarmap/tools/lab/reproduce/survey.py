@@ -180,20 +180,17 @@ def estimate_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) 
         "ate_after_voxels": evaluated.ate_m / voxel,
         "ate_after_deg": float(np.sqrt(np.mean(evaluated.rotation_deg**2))),
     }
-    return cells | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
+    truth = survey.truth.T_world_sensor[list(mapped.placed)]
+    calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
+    values = calibration.to_json() if calibration else {}
+    cells |= {key: values.get(key, _NAN) for key in _CALIBRATION}
+    return cells | _pairs(survey, mapped, voxel)
 
 
 def _evaluated(survey: SimulatedSurvey, mapped: MappedSurvey) -> Evaluation:
     """The evaluation of the trajectory of the usable scans."""
     usable = [k for k, scan in enumerate(mapped.placed) if scan not in survey.unusable]
     return evaluate(mapped.trajectory.take(usable), survey.truth)
-
-
-def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
-    truth = survey.truth.T_world_sensor[list(mapped.placed)]
-    calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
-    cells = calibration.to_json() if calibration else {}
-    return {key: cells.get(key, _NAN) for key in _CALIBRATION}
 
 
 def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:

@@ -187,13 +187,10 @@ def paper18(scene: str, count: int, seed: int, sensor: Sensor) -> Trajectory:
         raise InputError(f"the paper's survey is of the scene {GATE}, not {scene}; choose a survey or a lawnmower")
     path = gate_path()
     coarse = replace(bare(sensor), columns=min(sensor.columns, COLUMNS), rows=min(sensor.rows, ROWS))
-    distance = stations(build_scene(scene, seed), path, coarse, wanted_shares(count - 1), seed)
+    # wanted overlaps, spread evenly between the greatest and the least in a fixed order
+    shares = MOST_SHARED - (MOST_SHARED - LEAST_SHARED) * np.sqrt(GOLDEN * np.arange(1, count) % 1)
+    distance = stations(build_scene(scene, seed), path, coarse, shares, seed)
     return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed))
-
-
-def wanted_shares(count: int) -> np.ndarray:
-    """Wanted overlaps (N,), spread evenly between the greatest and the least in a fixed order."""
-    return MOST_SHARED - (MOST_SHARED - LEAST_SHARED) * np.sqrt(GOLDEN * np.arange(1, count + 1) % 1)
 
 
 def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed: int) -> np.ndarray:

@@ -20,7 +20,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL, SMALL, Shot, ViewKind
-from sonarmap.tools.lab.simulate.sensing.noise import disturb, fade, pick_strongest, reflect, reflect_beams, scan_of
+from sonarmap.tools.lab.simulate.sensing.noise import (
+    disturb,
+    fade,
+    measure,
+    pick_strongest,
+    reflect,
+    reflect_beams,
+    scan_of,
+)
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
 
 SPEED_ERROR = 0.02  # largest relative error of the sound speed, drawn for each scan
@@ -43,16 +51,10 @@ ROCK = np.deg2rad(2.0)  # largest rate of turn about the level axes [rad/s]
 
 def distorted_scan(shot: Shot, distort: Callable[[np.ndarray], np.ndarray]) -> Scan:
     """Scan of a still sonar; `distort` changes its ranges [m], those of ghosts included."""
-    ghosts = _ghosts(shot)
+    world, sensor = shot.observer.world, shot.observer.sensor
+    ghosts = reflect(world, sensor, shot.view.T_world_sensor) if shot.noise.ghosts > 0 else None
     echoes = replace(shot.view.echoes, ranges=distort(shot.view.echoes.ranges))
     return _write(shot, echoes, ghosts and replace(ghosts, ranges=distort(ghosts.ranges)))
-
-
-def _ghosts(shot: Shot) -> Echoes | None:
-    """Ghosts of the view; None if the noise has none."""
-    if shot.noise.ghosts == 0:
-        return None
-    return reflect(shot.observer.world, shot.observer.sensor, shot.view.T_world_sensor)
 
 
 def scaled_scan(shot: Shot) -> Scan:
@@ -70,7 +72,7 @@ def shifted_scan(shot: Shot) -> Scan:
 def real_scan(shot: Shot) -> Scan:
     """Scan of a view by a Sonar 3D-15."""
     sensor, noise = shot.observer.sensor, replace(shot.noise, dropouts=0.0)
-    noisy = disturb(shot.view.echoes, sensor, noise, shot.rng, _ghosts(shot))
+    noisy = measure(shot.observer.world, sensor, shot.view.T_world_sensor, shot.view.echoes, noise, shot.rng)
     picked = pick_strongest(fade(noisy, shot.distortion), LOBE)
     weak = (picked.strengths < WEAKEST) | (shot.rng.random(picked.ranges.shape) < LOST)
     steps = np.rint(picked.ranges / STEP) * STEP
@@ -104,14 +106,9 @@ def draw_motion(sensor: Sensor, rng: np.random.Generator) -> Motion:
     return Motion(velocity, turning, SCAN_TIME[int(sensor.max_range >= LONG_RANGE)])
 
 
-def moving_scan(shot: Shot) -> Scan:
-    """Scan of a moving sonar that passes the view's pose in the middle of the scan."""
-    return scan_in_motion(shot, draw_motion(shot.observer.sensor, shot.distortion))
-
-
 def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
-    """Scan of a moving sonar: every row is measured from its own pose, but its points are placed as if from the pose
-    in the middle, at the stamp. Times are those of the rows."""
+    """Scan of a moving sonar that passes the view's pose in the middle of the scan: every row is measured from its own
+    pose, but its points are placed as if from that in the middle, at the stamp. Times are those of the rows."""
     world, sensor = shot.observer.world, shot.observer.sensor
     poses = shot.view.T_world_sensor * motion.poses(sensor.rows)
     origins = np.repeat(poses.translation, sensor.columns, axis=0)
@@ -131,4 +128,6 @@ def _write(shot: Shot, echoes: Echoes, ghosts: Echoes | None, times: np.ndarray 
 SOUND_SPEED = ViewKind("sound_speed", LARGE_AND_SMALL, scaled_scan)
 RANGE_BIAS = ViewKind("range_bias", LARGE_AND_SMALL, shifted_scan)
 SONAR3D15 = ViewKind("sonar3d15", SMALL, real_scan)
-MOVING = ViewKind("moving", LARGE_AND_SMALL, moving_scan)
+MOVING = ViewKind(
+    "moving", LARGE_AND_SMALL, lambda shot: scan_in_motion(shot, draw_motion(shot.observer.sensor, shot.distortion))
+)
