@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,20 +37,6 @@ _FARTHEST = (30.0, 40.0)
 _SLID_SIGMAS = 2.5  # standard deviations by the planes alone
 _SLID_COARSE = 1.5  # coarse voxels
 _REACH_COARSE = 12.0  # coarse voxels
-
-
-def fit_odds(clues: np.ndarray, right: np.ndarray, share: np.ndarray, start: Odds | None = None) -> Odds:
-    """Odds fitted to (N, K) clues of N pairs; each is `right` (N,) with the probability of its odds times `share` (N,).
-
-    The odds of nearly the same pairs are a good `start`.
-    """
-    low, high = np.quantile(clues, [_RARE, 1 - _RARE], axis=0)
-    within = np.clip(clues, low, high)
-    deviation = within.std(axis=0)
-    odds = Odds(CLUES, low, high, within.mean(axis=0), np.where(deviation > 0, deviation, 1.0))
-    begin = None if start is None or start.weights is None else np.append(start.weights, start.constant)
-    constant, weights = fit_logistic(odds.columns(clues), right, share, begin)
-    return replace(odds, constant=constant, weights=weights)
 
 
 def fit_logistic(
@@ -106,6 +93,21 @@ class JudgedPairs:
     def probability(self, odds: Odds) -> np.ndarray:
         """(N,) probability that the best hypothesis has the right place."""
         return expit(odds.of(self.clues)) * self.share
+
+
+def fit_odds(pairs: JudgedPairs, some: np.ndarray | slice = slice(None), start: Odds | None = None) -> Odds:
+    """Odds fitted to some of the pairs, each of which is right with the probability of its odds times its share.
+
+    The odds of nearly the same pairs are a good `start`.
+    """
+    clues = pairs.clues[some]
+    low, high = np.quantile(clues, [_RARE, 1 - _RARE], axis=0)
+    within = np.clip(clues, low, high)
+    deviation = within.std(axis=0)
+    odds = Odds(CLUES, low, high, within.mean(axis=0), np.where(deviation > 0, deviation, 1.0))
+    begin = None if start is None or start.weights is None else np.append(start.weights, start.constant)
+    constant, weights = fit_logistic(odds.columns(clues), pairs.right[some], pairs.share[some], begin)
+    return replace(odds, constant=constant, weights=weights)
 
 
 def judged(pairs: Sequence[RecordedPair], slide: Slide) -> JudgedPairs:
@@ -180,9 +182,7 @@ def create(request: Request) -> Experiment:
         pairs = draw(name, int(number), settings.seed, settings.edge)
         return Outcome(tuple(row for pair in pairs for row in recording.rows(pair)))
 
-    def write(rows: Sequence[Row]) -> str:
-        return _write(rows, request.opened)
-
+    write = partial(_write, device=request.opened)
     return Experiment("confidence", settings, _in_turns(counts), run, SOURCES, conclude=fitted_and_tested, write=write)
 
 
@@ -204,8 +204,11 @@ def fitted_and_tested(rows: Sequence[Row]) -> list[Row]:
     sets = np.array([pair.cells["set"] for pair in recorded])
     by_set = np.where(sets == UNRELATED, folds, -1 - np.unique(sets, return_inverse=True)[1])
     tested = [*_rows(pairs, _held_out(pairs, folds), HELD_OUT), *_rows(pairs, _held_out(pairs, by_set), SET_HELD_OUT)]
-    fitted = json.dumps(_fitted(_fit(pairs), slide))
-    return [{**tested[0], "fitted": fitted, "evidence": fingerprint(rows)}, *tested[1:]]
+    fitted = {
+        "probability": {"twin": FITTED["probability"]["twin"]} | fit_odds(pairs).to_json(),
+        "slide": {name: round(value, 4) for name, value in asdict(slide).items()},
+    }
+    return [{**tested[0], "fitted": json.dumps(fitted), "evidence": fingerprint(rows)}, *tested[1:]]
 
 
 def _write(rows: Sequence[Row], device: Device) -> str:
@@ -224,24 +227,14 @@ def _write(rows: Sequence[Row], device: Device) -> str:
     return f"the table is in {TABLE}; it applies from the next start"
 
 
-def _fit(pairs: JudgedPairs, some: np.ndarray | slice = slice(None), start: Odds | None = None) -> Odds:
-    return fit_odds(pairs.clues[some], pairs.right[some], pairs.share[some], start)
-
-
 def _held_out(pairs: JudgedPairs, groups: np.ndarray) -> np.ndarray:
     """(N,) probabilities of the pairs of each group by a fit to all others."""
-    probability, whole = np.zeros(len(groups)), _fit(pairs)
+    probability, whole = np.zeros(len(groups)), fit_odds(pairs)
     for group in np.unique(groups):
         inside = groups == group
-        fitted = _fit(pairs, ~inside, whole) if (~inside).any() else whole
+        fitted = fit_odds(pairs, ~inside, whole) if (~inside).any() else whole
         probability[inside] = pairs.probability(fitted)[inside]
     return probability
-
-
-def _fitted(odds: Odds, slide: Slide) -> dict[str, Any]:
-    """The fitted parts of the table, as JSON."""
-    probability = {"twin": FITTED["probability"]["twin"]} | odds.to_json()
-    return {"probability": probability, "slide": {name: round(value, 4) for name, value in asdict(slide).items()}}
 
 
 def _rows(pairs: JudgedPairs, probability: np.ndarray, fitted_to: str) -> list[Row]:
