@@ -222,12 +222,13 @@ def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
 
 def _print(record: "Record", out: Path) -> None:
     from sonarmap.tools.lab.reproduce.folder import duration
+    from sonarmap.tools.lab.terminal import plain_table
 
     console = result_console()
     console.print(record.title, style="bold", markup=False)
     console.print()
     for table in (*record.tables, *record.times):
-        console.print(table.rich())
+        console.print(plain_table(table.headings, table.rows, table.title))
         console.print()
     files = ", ".join(printable(str(out / name)) for name in record.files)
     typer.echo(f"{record.jobs} jobs in {duration(record.seconds)}; in {files}")

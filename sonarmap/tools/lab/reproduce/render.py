@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
-from rich.table import Table as RichTable
 from scipy.stats import binomtest
 
 from sonarmap.tools.lab.reproduce.experiments import Row
-from sonarmap.tools.lab.terminal import plain_table
 
 DASH = "–"  # for a missing value
 Frame = Any  # a pandas DataFrame, as pandas has no types
@@ -42,10 +40,6 @@ class Rendered:
         lines = [self.headings, ("---",) * len(self.headings), *self.rows]
         cells = (" | ".join(cell.replace("|", "\\|") for cell in line) for line in lines)
         return f"**{self.title}**\n\n" + "".join(f"| {line} |\n" for line in cells)
-
-    def rich(self) -> RichTable:
-        """The table for the terminal."""
-        return plain_table(self.headings, self.rows, self.title)
 
 
 def frame_of(rows: Sequence[Row]) -> Frame:
