@@ -27,8 +27,8 @@ from sonarmap.tools.lab.simulate.random_pairs import Turn, evaluation_pair, eval
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.lab.simulate.trajectories import TABLE1_MOST
+from sonarmap.tools.lab.simulate.viewpoints import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.methods.registry import find_method
 
 OVERLAP, PATHS, UNRELATED = PAIR_SETS

@@ -22,9 +22,9 @@ from sonarmap.tools.lab.reproduce.registrations import finish_device, less_turns
 from sonarmap.tools.lab.simulate.plan import table1_pair
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
 from sonarmap.tools.lab.simulate.scenes.solids import Mesh
-from sonarmap.tools.lab.simulate.sensing.overlap import shared_view
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
 from sonarmap.tools.lab.simulate.trajectories import COLUMNS, PAPER_COUNT, ROWS, TABLE1_COUNT, TABLE1_RIG
+from sonarmap.tools.lab.simulate.viewpoints import shared_view
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 # The method was tuned on smaller seeds; grids of `edges` voxels per edge have the extent of the paper's

@@ -40,9 +40,7 @@ class FrameTurn:
         return tilted * Rotation.from_euler("z", -self.about_z)
 
     def R_target_frame(self, R_target_sensor: Rotation) -> Rotation:
-        """Attitude of the source's frame, given that of its sensor."""
-        if self.turn == "view":
-            return R_target_sensor
+        """Attitude of the source's frame, given that of its sensor, for the turns "yaw" and "any"."""
         if self.turn == "any":
             return self.R
         yaw = (R_target_sensor * Rotation.from_euler("z", self.about_z)).as_euler("ZYX")[0]
@@ -99,7 +97,10 @@ def random_pair(
     def draw_source(target: View) -> RigidTransform:
         if turn == "view":
             return _nearby(observer, target, max_tilt, rng)
-        return _aside(observer, target, overlaps, frame, rng)
+        # farther from the target and turned more for a smaller overlap
+        place, turned = aside(observer, target, overlaps, rng)
+        R_target_sensor = frame.R_target_sensor(turned, rng.random())
+        return RigidTransform.from_components(place, target.T_world_sensor.rotation * R_target_sensor)
 
     tilt = max_tilt if turn == "view" else POSE_TILT
     target, source, _ = draw_views((observer, observer), overlaps, tilt, draw_source, rng)
@@ -111,17 +112,17 @@ def random_pair(
     return scans[0], _reframed(scans[1], R_sensor_frame), T_target_sensor * RigidTransform.from_rotation(R_sensor_frame)
 
 
-def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str) -> tuple[Scan, Scan]:
+def unrelated_pair(seed: int, noise: Noise, scene: str) -> tuple[Scan, Scan]:
     """Two scans with nothing in common, target and source: of `scene` and of another one of its size, by one sensor.
 
     The other has another name, or the same one if its whole plan depends on the seed. The source's frame is turned as
-    random_pair's with the turn "yaw" and tilted by up to `max_tilt` [rad]. Raises InputError: no scene of that name, or
-    one without a clear place.
+    random_pair's with the turn "yaw" and tilted by up to SET_TILT. Raises InputError: no scene of that name, or one
+    without a clear place.
     """
     *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
     rng = np.random.default_rng(draw_seed)
     observers = _observer(scene, seed), _observer(str(rng.choice(unrelated_scenes(scene))), seed + 1)
-    frame = draw_turn("yaw", max_tilt, rng)
+    frame = draw_turn("yaw", SET_TILT, rng)
     target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
     R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
     R_sensor_frame = R_target_sensor.inv() * frame.R_target_frame(R_target_sensor)
@@ -148,15 +149,6 @@ def _nearby(observer: Observer, target: View, max_tilt: float, rng: np.random.Ge
     return RigidTransform.from_components(place, attitude(yaw, max_tilt, rng))
 
 
-def _aside(
-    observer: Observer, target: View, overlaps: tuple[float, float], frame: FrameTurn, rng: np.random.Generator
-) -> RigidTransform:
-    """Draw T_world_sensor within the scene, farther from the target and turned more for a smaller overlap."""
-    place, turned = aside(observer, target, overlaps, rng)
-    R_target_sensor = frame.R_target_sensor(turned, rng.random())
-    return RigidTransform.from_components(place, target.T_world_sensor.rotation * R_target_sensor)
-
-
 def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, name: str = "target") -> Scan:
     world, sensor = observer.world, observer.sensor
     echoes = measure(world, sensor, view.T_world_sensor, view.echoes, noise, np.random.default_rng(seed))
@@ -165,11 +157,7 @@ def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequ
 
 def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:
     """The scan with its points in a turned frame of the same origin."""
-    R_frame_sensor = R_sensor_frame.inv()
-    points = R_frame_sensor.apply(scan.points).astype(np.float32)
-    if scan.viewpoints is None:
-        return replace(scan, points=points)
-    return replace(scan, points=points, viewpoints=R_frame_sensor.apply(scan.viewpoints).astype(np.float32))
+    return replace(scan, points=R_sensor_frame.inv().apply(scan.points).astype(np.float32))
 
 
 # Endless sets of pairs for the evaluation of a registration: 15 successive pairs of a scene combine every range of
@@ -208,7 +196,7 @@ class UnrelatedPair:
 
     def scans(self) -> tuple[Scan, Scan]:
         """Target Scan and source Scan; there is no true transform between them."""
-        return unrelated_pair(self.seed, self.noise, SET_TILT, self.scene)
+        return unrelated_pair(self.seed, self.noise, self.scene)
 
 
 def evaluation_pair(number: int, seed: int, turn: Turn) -> EvaluationPair:

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.scenes.bridge import bridge_layout
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.manifold import manifold_layout
@@ -155,29 +154,21 @@ FAR_SIGHTED = 30.0  # least range of a sensor that need not be close to the ship
 
 
 def survey_path(scene: str, seed: int, reach: float = np.inf) -> Path:
-    """The closed path of `scene`, nearer to the ship if the sensor's maximum range, `reach` [m], is short. Raises
-    InputError: the scene has no path."""
-    if scene == "ship" and reach < FAR_SIGHTED:
-        return _close_round_the_ship(seed)
-    return _path_of(SURVEY_PATHS, scene, "survey path")(seed)
+    """The closed path of a scene of SCENE_KINDS, nearer to the ship if the sensor's maximum range, `reach` [m], is
+    short."""
+    close = scene == "ship" and reach < FAR_SIGHTED
+    return _close_round_the_ship(seed) if close else SURVEY_PATHS[scene](seed)
 
 
 def lawnmower_path(scene: str, seed: int, reach: float = np.inf) -> Path:
-    """The closed path of lanes and tie lines over `scene`; arguments and errors as those of `survey_path`."""
-    if scene == "ship" and reach < FAR_SIGHTED:
-        return _under_the_hull(seed)
-    return _path_of(LAWNMOWER_PATHS, scene, "lawnmower's path")(seed)
+    """The closed path of lanes and tie lines over `scene`; arguments as those of `survey_path`."""
+    close = scene == "ship" and reach < FAR_SIGHTED
+    return _under_the_hull(seed) if close else LAWNMOWER_PATHS[scene](seed)
 
 
 def gate_path() -> Path:
     """The open path that shows the whole flood gate from the river: shore to shore, its gates and lock from near by."""
     return spline_path(np.array(GATE_ROUTE, float), closed=False)
-
-
-def _path_of(table: Mapping[str, Callable[[int], Path]], scene: str, what: str) -> Callable[[int], Path]:
-    if scene not in table:
-        raise InputError(f"the scene {scene!r} has no {what}; choose one of {', '.join(table)}")
-    return table[scene]
 
 
 def _ring(

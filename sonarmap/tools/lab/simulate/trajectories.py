@@ -11,9 +11,9 @@ from sonarmap.tools.lab.simulate.routes import gate_path, lawnmower_path, survey
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
-from sonarmap.tools.lab.simulate.sensing.overlap import shared_view
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor, bare
 from sonarmap.tools.lab.simulate.smooth_path import Path
+from sonarmap.tools.lab.simulate.viewpoints import shared_view
 
 SHIFT = (3 - np.sqrt(5.0)) / 2  # of a dive's start against the previous dive's, as a share of the distance covered
 DIVING = ("survey", "loop", "lawnmower")  # trajectories with several dives: those along a closed path
@@ -79,7 +79,7 @@ def survey(
     """Poses every `spacing` meters, round and round the scene's closed path, with the motion of a small vessel.
 
     Roll, pitch, yaw and heave follow sums of sines whose phases come from `seed`. Stamps count the scans. Raises
-    InputError: a scene without a path, no scan, or a spacing that is not positive.
+    InputError: no scan, or a spacing that is not positive.
     """
     return _evenly(survey_path(scene, seed, reach), scene, count, seed, spacing, dive)
 
@@ -93,7 +93,7 @@ def lawnmower(
 
 def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
     """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first. Raises
-    InputError: a scene without a path, or fewer than 3 scans."""
+    InputError: fewer than 3 scans."""
     if count < LOOP_LEAST:
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}")
     path = survey_path(scene, seed, reach)

@@ -23,8 +23,8 @@ from sonarmap.tools.lab.simulate.random_pairs import (
 )
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
+from sonarmap.tools.lab.simulate.viewpoints import mutual_overlap
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import QUIET
 

@@ -11,7 +11,6 @@ from sonarmap.tools.lab.simulate.plan import TABLE1_SENSOR, plan, table1_pair
 from sonarmap.tools.lab.simulate.routes import LAWNMOWER_PATHS, gate_path, lawnmower_path, survey_path
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
-from sonarmap.tools.lab.simulate.sensing.overlap import overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, cast
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES
 from sonarmap.tools.lab.simulate.smooth_path import lane_path, lanes
@@ -23,6 +22,7 @@ from sonarmap.tools.lab.simulate.trajectories import (
     table1,
     table1_transform,
 )
+from sonarmap.tools.lab.simulate.viewpoints import overlap
 
 SPHERE = np.random.default_rng(0).standard_normal((300, 3))
 SPHERE /= np.linalg.norm(SPHERE, axis=1, keepdims=True)

@@ -8,8 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.tools.lab.simulate.scenes.pool import LENGTH, WIDTH, pool_layout
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.scenes.solids import box, merge, tube
-from sonarmap.tools.lab.simulate.sensing.overlap import in_view, shared_view
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, cast
+from sonarmap.tools.lab.simulate.viewpoints import in_view, shared_view
 
 DOWN = np.array([[0.0, 0.0, -1.0]])
 

@@ -12,8 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.kinds.kind import RELIEF_OF, KindPair, noise_of, pair_draws
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, Water, meet, pick, true_points, write_scan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
-from sonarmap.tools.lab.simulate.viewpoints import Candidate, WantedOverlap, find_partner
+from sonarmap.tools.lab.simulate.viewpoints import OVERLAP_RADIUS, Candidate, WantedOverlap, find_partner
 
 PLACES = 6  # targets that are tried before a pair is given up
 TRIES = 60  # sources that are tried for each target

@@ -15,8 +15,7 @@ from sonarmap.slam.map.cell import cell_keys
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.kind import LARGE_AND_SMALL, Shot, ViewKind
 from sonarmap.tools.lab.simulate.sensing.noise import measure, scan_of
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
-from sonarmap.tools.lab.simulate.viewpoints import Observer, View
+from sonarmap.tools.lab.simulate.viewpoints import OVERLAP_RADIUS, Observer, View
 
 COARSE_LOOKS = 3  # looks of the coarse search: the first, a middle one and the last
 

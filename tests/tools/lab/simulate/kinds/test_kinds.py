@@ -9,7 +9,7 @@ from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, KindPair, pair_draws
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene, surface_distance
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.viewpoints import OVERLAP_RADIUS, mutual_overlap
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import QUIET
 
