@@ -1,6 +1,8 @@
 """Trajectories of a sensor: surveys, loops and lanes through a scene, and the poses of the paper's Table 1."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -73,31 +75,36 @@ WAVE_PERIODS = (3.7, 5.9, 11.3)  # in scans
 LOOKING_ROUND = 12.0  # period of a sensor that turns to and fro, in scans
 
 
-def survey(
-    scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
+def along(
+    route: Callable[[str, int, float], Path],
+    scene: str,
+    count: int,
+    seed: int,
+    spacing: float = SPACING,
+    dive: int = 1,
+    reach: float = np.inf,
 ) -> Trajectory:
-    """Poses every `spacing` meters, round and round the scene's closed path, with the motion of a small vessel.
+    """Poses every `spacing` meters, round and round a scene's closed path, with the motion of a small vessel.
 
     Roll, pitch, yaw and heave follow sums of sines whose phases come from `seed`. Stamps count the scans. Raises
     InputError: no scan, or a spacing that is not positive.
     """
-    return _evenly(survey_path(scene, seed, reach), scene, count, seed, spacing, dive)
+    if count < 1 or not 0 < spacing < np.inf:
+        raise InputError(f"{count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
+    path = route(scene, seed, reach)
+    distance = start_of(min(count * spacing, path.length), dive) + spacing * np.arange(count)
+    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))
 
 
-def lawnmower(
-    scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
-) -> Trajectory:
-    """Poses as in `survey`, but along lanes over the scene and tie lines across them, looking ahead."""
-    return _evenly(lawnmower_path(scene, seed, reach), scene, count, seed, spacing, dive)
+survey, lawnmower = partial(along, survey_path), partial(along, lawnmower_path)
 
 
 def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
-    """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first. Raises
-    InputError: fewer than 3 scans."""
+    """Poses once round the path of `survey`: the last is one step from the first. Raises InputError: fewer than 3
+    scans."""
     if count < LOOP_LEAST:
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}")
-    path = survey_path(scene, seed, reach)
-    return _evenly(path, scene, count, seed, path.length / count, dive)
+    return survey(scene, count, seed, survey_path(scene, seed, reach).length / count, dive, reach)
 
 
 def looking_round(trajectory: Trajectory, turn: float) -> Trajectory:
@@ -156,14 +163,6 @@ def first_of_table1(count: int) -> Trajectory:
             f"S{TABLE1_MOST - 1} {len(poses)}; {count} were asked for"
         )
     return poses.take(range(count))
-
-
-def _evenly(path: Path, scene: str, count: int, seed: int, spacing: float, dive: int) -> Trajectory:
-    if count < 1 or not 0 < spacing < np.inf:
-        raise InputError(f"{count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
-    start = start_of(min(count * spacing, path.length), dive)
-    distance = start + spacing * np.arange(count)
-    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))
 
 
 GATE = "floodgate"
