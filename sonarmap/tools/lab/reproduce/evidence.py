@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from math import nan, pi
 from typing import Any
 
@@ -230,15 +231,13 @@ class Recording:
     """Registers the pairs of a draw, and prepares each scan once per grid."""
 
     def __init__(self, device: Device) -> None:
-        self._device = device
-        self._recorders: dict[object, Recorder] = {}
+        self._recorder = cache(partial(Recorder, device))
         self._prepared: dict[object, SpectralScan] = {}
 
     def rows(self, pair: EvidencePair) -> list[Row]:
         """A row per hypothesis; none if a scan has too few points, or no hypothesis is possible."""
         config = SpectralConfig(max_tilt=pi) if pair.any_tilt else SpectralConfig()
-        key = pair.grid, config
-        recorder = self._recorders[key] = self._recorders.get(key) or Recorder(self._device, pair.grid, config)
+        recorder = self._recorder(pair.grid, config)
         try:
             target, source = (self._prepare(recorder, scan) for scan in (pair.target, pair.source))
         except InputError:

@@ -63,7 +63,6 @@ class SetPair:
     # cells that identify the pair; sets overlap and unrelated: turn, number, scene, sigma2 (0, 1 or 2: scaled to a
     # scene of 256 m), shared (the noise-free overlap), voxel_m; set paths: scene, seed, sigma2, step
     cells: dict[str, Value]
-    # target, source: the scans
     target: Scan
     source: Scan
     truth: RigidTransform | None  # T_target_source between their frames; None if they share nothing

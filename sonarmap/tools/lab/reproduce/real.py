@@ -34,7 +34,6 @@ class RealPair:
     """Two files of scans, and the true transform between them."""
 
     name: str  # numbers of target and source, as 0-2
-    # target, source: files
     target: Path
     source: Path
     T_target_source: RigidTransform  # the truth

@@ -163,11 +163,8 @@ class ViewKind:
         draw_source = partial(_draw_source, observers[1], overlaps=overlaps, rng=draws.poses)
         target, source, shared = draw_views(observers, overlaps, POSE_TILT, draw_source, draws.poses)
         scans = [
-            self.measured(Shot(observer, view, noise, draws.distortion, rng, name, number))
-            for observer, view, rng, name in (
-                (observers[0], target, draws.target, "target"),
-                (observers[1], source, draws.source, "source"),
-            )
+            self.measured(Shot(observers[0], target, noise, draws.distortion, draws.target, "target", number)),
+            self.measured(Shot(observers[1], source, noise, draws.distortion, draws.source, "source", number)),
         ]
         poses = target.T_world_sensor, source.T_world_sensor
         return KindPair(self.name, number, seed, scene, scans[0], scans[1], *poses, shared)
