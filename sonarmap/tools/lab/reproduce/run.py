@@ -134,7 +134,7 @@ def run(
         if missing:
             with follow(experiment.name, len(missing)) as step, _running(experiment, missing, options) as groups:
                 for results in groups:
-                    journal.add([_entry(keys[result[0]], experiment.name, *result) for result in results])
+                    journal.add([_entry(provenance, result) for result in results])
                     for job, *_ in results:
                         step(job)
         entries = {job: journal.entry(key) for job, key in keys.items()}
@@ -161,8 +161,10 @@ def _running(
             yield (group for _, group in groups)
 
 
-def _entry(key: str, name: str, job: str, outcome: Outcome, seconds: float) -> JournalEntry:
-    return JournalEntry(key, f"{name} {job}", json.dumps(to_json(outcome), allow_nan=False), seconds)
+def _entry(provenance: Provenance, result: JobResult) -> JournalEntry:
+    job, outcome, seconds = result
+    content = json.dumps(to_json(outcome), allow_nan=False)
+    return JournalEntry(provenance.key(job), f"{provenance.name} {job}", content, seconds)
 
 
 def _outcome(journal: Journal, entry: JournalEntry | None) -> Outcome:
