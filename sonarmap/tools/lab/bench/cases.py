@@ -21,7 +21,6 @@ from sonarmap.kernels.fft.transform import RealFFT
 from sonarmap.kernels.points.visibility import Viewing, agreement, upload_points, upload_viewpoints
 from sonarmap.kernels.points.voxelize import voxelize
 from sonarmap.kernels.pomf.correlator import Correlator, Pose
-from sonarmap.kernels.pomf.peak import find_peaks
 from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
 from sonarmap.kernels.resample import layers
 from sonarmap.kernels.so3.correlation import RotationCorrelation
@@ -116,11 +115,6 @@ def correlate_case(w: Workload) -> KernelCase:
     out = w.device.empty(w.volume.shape)
     moved = 4 * w.half_bytes + w.volume_bytes  # the product can be fused into the first pass
     return KernelCase("Pomf.correlate", moved, run=lambda: pomf.correlate(target, source, out=out))
-
-
-def find_peaks_case(w: Workload) -> KernelCase:
-    correlation = Pomf(w.device, w.volume.shape, BLUR).correlate(*_whitened(w))
-    return KernelCase("find_peaks", w.volume_bytes, run=lambda: find_peaks(w.device, correlation))
 
 
 def _whitened(w: Workload) -> tuple[Any, Any]:
@@ -302,7 +296,6 @@ CASES: tuple[Callable[[Workload], KernelCase], ...] = (
     cross_power_case,
     prepare_case,
     correlate_case,
-    find_peaks_case,
     sample_case,
     normalize_layers_case,
     polar_magnitude_case,
