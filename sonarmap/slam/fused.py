@@ -41,7 +41,7 @@ def fused(
 
 
 def unfused(decision: Decision, scans: Sequence[Scan], surveys: np.ndarray, voxel: float) -> SurveyResult:
-    """The result of a survey without maps; arguments as of `fused`."""
+    """The result of a survey, with its trajectory but without maps. Arguments: see `fused`."""
     return SurveyResult(
         trajectory=decision.solution.trajectory,
         chained=decision.chained,

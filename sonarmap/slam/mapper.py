@@ -127,8 +127,8 @@ class Mapper:
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
         odometry: Odometry | None = None,
     ) -> SurveyResult:
-        """The survey of at least two scans, without its maps, for a growing map; `surveys` and `odometry` are as of
-        `run`, `known` pairs are already registered, `settled` and `looked` are as of `PairSearch`.
+        """The survey of at least two scans, without maps, for a growing map. `known`: the pairs that are registered.
+        `surveys` and `odometry`: see `run`; `settled` and `looked`: see `PairSearch`.
 
         Raises:
             InputError: no pair could be registered.

@@ -25,7 +25,7 @@ class SimulatedDive:
     scans: tuple[Scan, ...]
     times: np.ndarray  # (n,) of the rows [s]
     values: np.ndarray  # (n, 6) in the order of COLUMNS
-    sigmas: np.ndarray  # (6,) of these
+    sigmas: np.ndarray  # (6,) standard deviations of the values
     arm: float  # length of a wrong lever arm in this scene [m]
 
     def each(self, change: Callable[[Scan, int], Scan]) -> "SimulatedDive":

@@ -67,12 +67,12 @@ class PriorTerm:
         """
         off = self.residual + _times(self.jacobian, step)
         together = self.jacobian @ covariance @ self.jacobian.mT + self.covariance
-        believed, distorted = _LIMITS[off.shape[-1] - 1]
+        full_weight, no_weight = _LIMITS[off.shape[-1] - 1]
         squared = (off * _solved(together, off)).sum(axis=-1)
-        factor = np.maximum(squared - believed, 0.0) / np.maximum(distorted - squared, distorted / _UNKNOWN)
+        factor = np.maximum(squared - full_weight, 0.0) / np.maximum(no_weight - squared, no_weight / _UNKNOWN)
         # the shortest step that explains `off`: the rows of the Jacobian are independent
         along = _times(self.jacobian.mT, _solved(self.jacobian @ self.jacobian.mT, off))
-        share = factor / np.maximum(squared, believed)
+        share = factor / np.maximum(squared, full_weight)
         return share[..., None, None] * along[..., :, None] * along[..., None, :]
 
 

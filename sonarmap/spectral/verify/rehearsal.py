@@ -8,19 +8,19 @@ import atexit
 import subprocess
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.child import command_of, environment
-from sonarmap.kernels.device.device import Array, Device, choose_device
+from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.device.source import are_new
 from sonarmap.kernels.device.threads import thread_count
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.surface.cells import sort_into_cells
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.range_image import FINE, scan_view, visibility
+from sonarmap.spectral.prepare.spectral_scan import CoarseVolume
 from sonarmap.spectral.prepare.surface import smooth_surface
 from sonarmap.spectral.translation import Translation
 from sonarmap.spectral.verify.icp import Stage, Start, refine
@@ -49,17 +49,20 @@ def rehearse_apart(device: Device, edge: int) -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: launch the kernels of a test on the device and the edge that are named. What comes last is
-    the first process's own work if it is there by then, so that the two do not compile the same kernels in step."""
+    """In the other process: launch the kernels of a test on the device and the edge that are named.
+
+    The first process compiles in the order of a test. This one ends with the kernels that the first reaches soonest, so
+    that the two never compile the same kernels at the same time.
+    """
     device, edge = choose_device(arguments[0]), int(arguments[1])
     _rehearse_surfaces(device)
-    verifier = Verifier(device, edge)
-    coarse, fine = _Shifts.of(verifier.coarse), _Shifts.of(verifier.translation)
-    coarse.find()
-    fine.look_near()
-    coarse.look_near()
-    coarse.sample()
-    fine.find()
+    verifier, here, place = Verifier(device, edge), Rotation.identity(1), np.zeros((1, 3))
+    coarse, fine = (_flat(translation) for translation in (verifier.coarse, verifier.translation))
+    verifier.coarse.find_within(coarse, coarse, here, [None], 1, 1.0)
+    verifier.translation.find_at(fine, fine, here, place).read()
+    verifier.coarse.find_at(coarse, coarse, here, place).read()
+    verifier.coarse.profile(coarse, coarse, here[0], place).read()
+    verifier.translation.find_within(fine, fine, here, [None], 1, 1.0)
 
 
 def _rehearse_surfaces(device: Device) -> None:
@@ -73,26 +76,8 @@ def _rehearse_surfaces(device: Device) -> None:
     shared_surfaces(device, surface, surface, poses, SURFACE_POINTS).read()
 
 
-@dataclass(frozen=True, slots=True)
-class _Shifts:
-    """Shifts of a volume to itself; its spectra are constant, so that the correlation has a single peak."""
-
-    translation: Translation
-    points: Array
-    spectra: tuple[Array, ...]
-
-    @classmethod
-    def of(cls, translation: Translation) -> "_Shifts":
-        device, edge = translation.device, translation.edge
-        flat = device.to_device(np.ones((edge, edge, row_pitch(edge)), np.complex64))
-        point = device.to_device(np.ones((1, 4), np.float32))
-        return cls(translation, point, (flat,) * len(translation.exponents))
-
-    def find(self) -> None:
-        self.translation.find_within(self, self, Rotation.identity(1), [None], 1, 1.0)
-
-    def look_near(self) -> None:
-        self.translation.find_at(self, self, Rotation.identity(1), np.zeros((1, 3))).read()
-
-    def sample(self) -> None:
-        self.translation.profile(self, self, Rotation.identity(), np.zeros((1, 3))).read()
+def _flat(translation: Translation) -> CoarseVolume:
+    """A volume of constant spectrum, whose correlation with itself has a single peak."""
+    device, edge = translation.device, translation.edge
+    spectrum = device.to_device(np.ones((edge, edge, row_pitch(edge)), np.complex64))
+    return CoarseVolume(device.to_device(np.ones((1, 4), np.float32)), (spectrum,) * len(translation.exponents))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 class Remedy(NamedTuple):
     """An option of `sonarmap map` that corrects a fault of the data."""
 
-    option: str  # its name, as of the field that holds it
+    option: str  # name with underscores, such as range_scale
     values: tuple[str, ...]  # as typed; the option is given once for each
 
     def __str__(self) -> str:

@@ -136,11 +136,11 @@ def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: float, u
 def posterior_step(step: np.ndarray, covariance: np.ndarray, off: np.ndarray, term: np.ndarray) -> np.ndarray:
     """(6,) step by scans and instruments, from that by the scans alone and its covariance by independent errors."""
     jacobian, scans = term["jacobian"], covariance + term["systematic"]
-    there, (believed, distorted) = off + jacobian @ step, term["limits"]
+    there, (full, none) = off + jacobian @ step, term["limits"]
     squared = there @ np.linalg.solve(jacobian @ scans @ jacobian.T + np.eye(6), there)
-    factor = max(squared - believed, 0.0) / max(distorted - squared, distorted / 1e6)
+    factor = max(squared - full, 0.0) / max(none - squared, none / 1e6)
     along = term["shortest"] @ there
-    information = np.linalg.inv(scans + factor / max(squared, believed) * np.outer(along, along))
+    information = np.linalg.inv(scans + factor / max(squared, full) * np.outer(along, along))
     return np.linalg.solve(information + jacobian.T @ jacobian, information @ step - jacobian.T @ off)
 
 

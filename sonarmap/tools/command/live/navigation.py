@@ -73,7 +73,7 @@ class Navigation:
         """Within the block a file is read; what prevents it is a fault if it lasts. `now`: stamp of the last scan."""
         try:
             yield
-        except Exception as error:  # noqa: BLE001 - the dive goes on, whatever it is
+        except Exception as error:  # noqa: BLE001 - no error of navigation may end the dive
             if now - self._failed.setdefault(option, now) >= _GRACE:
                 self.faults.append(f"{option} is not used: {error}")
         else:

@@ -251,7 +251,7 @@ def _map_and_report(
 def _read_scans(
     inputs: list[str], priors: list[Path], corrections: "Corrections", out: Path, quiet: bool
 ) -> "tuple[ReadScans, list[str]]":
-    """Read the scans, and warn of those that cannot be read, and of what they show of the sonar, which is returned."""
+    """Read the scans. Return them and the faults of the sonar; both unreadable scans and faults are warnings."""
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import read_survey
     from sonarmap.tools.products.output.trial import Evidence, ScansOnTrial, on_trial

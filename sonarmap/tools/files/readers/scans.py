@@ -34,7 +34,7 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
 class PointFrame:
     """The axes and the unit of the points in files."""
 
-    # as of `axes_matrix`; None for those that the file tells, otherwise flu
+    # a name for `axes_matrix`; None for the axes that the file states, or flu if it states none
     axes: str | None = None
     unit: str | None = None  # a name of UNITS; None for meters that nobody named
 

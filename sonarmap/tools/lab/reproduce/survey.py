@@ -125,7 +125,7 @@ def create_decisions(request: Request) -> Experiment:
 
 
 ROLES = ("sequential", "bridge", "loop")
-BETWEEN = "between"  # pairs of different dives, whatever their role
+BETWEEN = "between"  # pairs of different dives, of any role
 FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
 _CALIBRATION = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
 _NAN = float("nan")

@@ -175,7 +175,7 @@ def _tenths(p: Any) -> Any:
 REPORTED: Mapping[str, Cell] = {
     "registrations": count(),
     "expected calibration error": number(expected_error, 3),
-    "the same of an exact probability": number(usual_error, 3),
+    "calibration error of an exact probability": number(usual_error, 3),
     **CALIBRATION,
 }
 

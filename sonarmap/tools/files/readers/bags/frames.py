@@ -90,7 +90,7 @@ class Frames:
         return replace(cloud, axes=axes or "flu", question=question, T_base_flu=T_base_flu)
 
     def _axes_and_mount(self, frame: str, topic: str = "") -> tuple[str, RigidTransform]:
-        """The axes of a frame, as of `axes_matrix`, or "" if they are not known; and T_base_flu."""
+        """The axes of a frame, a name for `axes_matrix`, or "" if they are not known; and T_base_flu."""
         if (frame, topic) in self._known:
             return self._known[frame, topic]
         base, T = self._by_tf(frame)

@@ -64,7 +64,7 @@ class Cloud:
     prior: PosePrior | None = None  # pose measured by the sensor's own instruments, or None
     sound_speed: float | None = None  # speed of sound with which the sensor computed ranges [m/s], or None
     patch: PingPatch | None = None  # the pings of a line it is made of, or None
-    axes: str = "flu"  # of the points by the file, as of `axes_matrix`
+    axes: str = "flu"  # of the points by the file, a name for `axes_matrix`
     question: str = ""  # why these axes may be others, and what to do
     T_base_flu: RigidTransform | None = None  # from the sensor (x forward, y left, z up) to the scan's frame
 

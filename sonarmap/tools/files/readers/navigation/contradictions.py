@@ -52,8 +52,11 @@ class Contradiction:
         return f"the scans contradict the navigation ({self.sigmas:.0f} sigmas); they agree with {instead}"
 
     def remedies(self, interval: float, axes: str = "flu") -> dict[Remedy | str, None]:
-        """The options that correct each of these mistakes, in words where their values are not known. `interval`: from
-        scan to scan [s]; `axes`: the given ones of the points."""
+        """The options that correct these mistakes; a text where the option's value is unknown.
+
+        interval: time between consecutive scans [s].
+        axes: axes of the points, from --frame.
+        """
         return dict.fromkeys(each for name in self.instead for each in _remedies(name, interval, axes))
 
 
@@ -113,7 +116,7 @@ _GEOGRAPHIC = "latitude and longitude exchanged"
 
 
 def _remedies(name: str, interval: float, axes: str) -> tuple[Remedy | str, ...]:
-    """The options that correct a mistake, as of `Contradiction.remedies`."""
+    """The options that correct one mistake; see `Contradiction.remedies`."""
     if name in _OF_TIMES:
         return (Remedy("nav_offset", (f"{_OF_TIMES[name] * interval:.4g}",)),)
     if name in _TO_OTHER_AXES:

@@ -24,7 +24,7 @@ class Correction:
 
     @classmethod
     def of(cls, text: str) -> Self:
-        """Parse terms separated by commas; columns that none of them sets stay as they are."""
+        """Parse terms separated by commas. A column without a term is unchanged."""
         made = cls(np.arange(6), np.ones(6), np.zeros(6))
         for term in text.replace(" ", "").split(","):
             match = _TERM.fullmatch(term)
