@@ -209,7 +209,7 @@ def read_navigation(
         heading_reference: North of the headings: "true" or "grid".
         declination: added to magnetic headings [rad], East positive; None if the headings are not magnetic.
         nmea_talker: talkers of the NMEA sentences to use, such as "GP,HE"; None for all, which have to agree.
-        correct: what values of the priors shall be, as in `--correct-priors`, such as "heading_deg=-heading_deg".
+        correct: correction of the priors, as in `--correct-priors`, such as "heading_deg=-heading_deg"; None for none.
 
     Returns:
         The scans with priors, and the georeference of their world frame, for `write_map`.

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from threading import Event, Lock
-from time import perf_counter
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -138,19 +137,13 @@ class GrowingMap:
         surveys = np.cumsum([k in starts and odometry is None for k in range(len(keys))]) - 1
         return Known(keys, surveys, steps, odometry)
 
-    def decide(self, known: Known | None = None) -> SurveyResult | None:
+    def decide(self, known: Known) -> SurveyResult:
         """Search for loops among the key scans, and optimize; `take_over` applies the result. May run in another
         thread than the other methods. Returns the survey without its maps.
-
-        Args:
-            known: about the key scans; None for what is known now.
 
         Raises:
             DeviceError, InputError: the machine failed, or the journal cannot be used.
         """
-        begun, known = perf_counter(), known or self.known()
-        if known is None:
-            return None
         keys = known.keys
         result = self._mapper.decided(keys, known.surveys, known.steps, self.settled, self._looked, known.odometry)
         self._mapper.execution.timings.pairs.clear()
@@ -163,7 +156,6 @@ class GrowingMap:
             poses |= {k: Pose(number, first * T[k], result.covariances[k]) for k in members}
         loops = [pair.scans for pair in result.pairs if pair.kept and pair.role == "loop"]
         self._decision = [poses[k] for k in range(len(keys))], loops, keys
-        self.seconds = perf_counter() - begun
         return result
 
     def take_over(self) -> bool:

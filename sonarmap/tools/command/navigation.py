@@ -52,7 +52,7 @@ def _parse_correction(text: str) -> "Correction":
 
 @dataclass(frozen=True, slots=True)
 class PriorsFile:
-    """--priors, and what is to be known about it: measured poses of the scans."""
+    """--priors, --prior-sigmas and --correct-priors: measured poses of the scans."""
 
     priors: list[Path] = NAVIGATION.option(
         "FILE",
@@ -68,8 +68,8 @@ class PriorsFile:
     )
     correct_priors: str | None = _rare(
         "COLUMN=...",
-        "What values of the priors shall be, in the columns of a CSV, as heading_deg=-heading_deg or "
-        "x_m=0.3048*x_m,y_m=0.3048*y_m. Messages about a mistake in the navigation say what corrects it.",
+        "Correct the priors, by columns of a CSV: heading_deg=-heading_deg or x_m=0.3048*x_m,y_m=0.3048*y_m. Messages "
+        "about a mistake in the navigation name the correction.",
         callback=refused_by(_parse_correction),
     )
 

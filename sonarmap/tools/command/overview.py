@@ -11,7 +11,7 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.motion.sweep import Sweep, span_of
+from sonarmap.slam.motion.sweep import span_of
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
 from sonarmap.tools.command.terminal import print_rows
@@ -59,7 +59,6 @@ class Overview:
     clock: Clock | None = None  # of the scans' stamps; None if some scans have no time
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
     lines: list[LineOverview] = field(default_factory=list[LineOverview])  # lines of pings, whose patches are the scans
-    sweep: Sweep = field(default_factory=Sweep)  # how long a scan takes
     trial: ScansOnTrial = field(default_factory=ScansOnTrial)  # what is wrong with the sonar
     about: list[ScanEntry] = field(default_factory=list[ScanEntry])  # the entries, without their scans
 
@@ -80,7 +79,7 @@ class Overview:
         if entry.question and entry.question not in self.notes:
             self.notes.append(entry.question)
         if entry.patch is None:
-            self.trial.add(scan, entry.stamp, entry.path.parent)
+            self.trial.add(scan, entry.stamp, entry.path.parent, span_of(scan))
         if scan.prior is not None and scan.prior.knows_attitude:
             self.attitudes.append(values_of(scan.prior.T_world_sensor)[:2])
         if entry.sound_speed is not None:
@@ -131,12 +130,11 @@ def overview_of(
     kinds = tuple(dict.fromkeys(each.kind for each in formats if each is not None))
     overview, file_notes = Overview(files_of(selection), kinds, edge), list[str]()
     times, are_clouds, are_scans = list[float | None](), list[bool](), list[bool]()
-    spans, of_lines = list[float](), list[Path]()
+    of_lines = list[Path]()
     for entry in read_entries(selection, file_notes, progress, corrections):
         overview.add(entry)
         of_lines += [entry.path] * (entry.patch is not None)
         times.append(entry.stamp)
-        spans.append(span_of(entry.scan))
         are_clouds.append(entry.is_cloud)
         are_scans.append(entry.scan is not None)
     if not overview.names:
@@ -148,8 +146,7 @@ def overview_of(
     notes = notes_about(overview.about)
     if (more := len(notes) - _MOST_NOTES) > 0:
         notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
-    overview.sweep = Sweep.of(spans, times)
-    overview.notes += [*file_notes, *stamp_notes, *overview.sweep.notes, *notes]
+    overview.notes += [*file_notes, *stamp_notes, *notes]
     found = [each.words for each in on_trial(Evidence(overview.trial, len(overview.unread)))]
     overview.notes += [words for words in found if not any(note.endswith(words) for note in overview.notes)]
     overview.lines += [line_overview(path, corrections.lines) for path in dict.fromkeys(of_lines)]
@@ -170,7 +167,7 @@ def overview_json(overview: Overview) -> dict[str, Any]:
         "extent_m": np.median(overview.extents, axis=0),
         "farthest_m": overview.farthest,
         "clock": clock and _clock_json(clock),
-        "sweep_s": overview.sweep.seconds or None,
+        "sweep_s": overview.trial.sweep.seconds or None,
         "changed": overview.changed,
         "strengths": overview.with_strength,
         "viewpoints": overview.with_viewpoints,
@@ -220,9 +217,9 @@ def _times(overview: Overview) -> dict[str, str]:
 
 
 def _sweep(overview: Overview) -> str:
-    if not overview.sweep.seconds:
+    if not overview.trial.sweep.seconds:
         return "not recorded: all points of a scan are of one time"
-    return f"{overview.sweep.seconds:.3g} s from the first point of a scan to its last"
+    return f"{overview.trial.sweep.seconds:.3g} s from the first point of a scan to its last"
 
 
 def _lines(overview: Overview) -> dict[str, str]:

@@ -49,7 +49,9 @@ def growing(truth: RigidTransform, spoil: Spoil | None = None, scale: float = 1.
 
 def decided(grown: GrowingMap) -> None:
     """Decide in another thread, as happens while scans arrive."""
-    thread = Thread(target=grown.decide)
+    known = grown.known()
+    assert known is not None
+    thread = Thread(target=grown.decide, args=(known,))
     grown.idle.set()
     thread.start()
     thread.join()
@@ -209,8 +211,7 @@ def test_too_few_key_scans_give_no_decision() -> None:
     grown = growing(truth)
     for scan in scans_of(truth)[:1]:
         grown.add(scan)
-    grown.decide()
-    assert not grown.take_over()
+    assert grown.known() is None
 
 
 class _Watched(list[Any]):
@@ -249,8 +250,10 @@ def test_a_part_that_begins_during_a_decision_is_a_survey_of_its_own(
         raise InterruptedError
 
     monkeypatch.setattr(Mapper, "decided", decided)
+    known = grown.known()
+    assert known is not None
     with pytest.raises(InterruptedError):
-        grown.decide()
+        grown.decide(known)
     assert len(grown.tracker.starts) == 2
     first = [survey for name, survey in surveys[0] if name != scans[25].name]
     other = [survey for name, survey in surveys[0] if name == scans[25].name]

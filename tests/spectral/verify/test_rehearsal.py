@@ -18,7 +18,7 @@ Launch = tuple[int, str, tuple[int, ...]]  # program, kernel and work-group, whi
 
 @pytest.fixture
 def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], object]], set[Launch]]:
-    """Run a function, and return what it launches."""
+    """A function that runs another one, and returns the kernels that it launches."""
     launches: set[Launch] = set()
     plain = cl.Kernel.__call__
 

@@ -18,7 +18,7 @@ _OF_NAVIGATION = ("correct_priors", "nav_offset")
 
 
 def changes_scans(remedy: Remedy) -> bool:
-    """Whether scans differ with it, so that all are placed again."""
+    """Whether the remedy changes the points of scans; then all scans are placed again."""
     return remedy.option not in _OF_NAVIGATION
 
 
@@ -56,13 +56,13 @@ def _corrected(reading: Reading, remedy: Remedy) -> Reading:
 
 
 def keep_chosen(out: Path, remedies: Sequence[Remedy]) -> None:
-    """Write what was chosen to a map's folder, from where a dive that is continued reads it."""
+    """Write the chosen remedies to the map's folder, so that a continued dive uses them."""
     with atomic_path(out / FOLDER / _FILE) as temporary:
         temporary.write_text(json.dumps(remedies), encoding="utf-8")
 
 
 def kept_chosen(out: Path) -> list[Remedy]:
-    """What was chosen in a dive that is continued; nothing if the file is missing or damaged."""
+    """The remedies of a continued dive; empty if their file is missing or damaged."""
     try:
         kept = json.loads((out / FOLDER / _FILE).read_text(encoding="utf-8"))
         return [Remedy(str(option), tuple(map(str, values))) for option, values in kept]

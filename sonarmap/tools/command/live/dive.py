@@ -102,7 +102,7 @@ class Dive:
         return False
 
     def _choose(self) -> None:
-        """Take what was chosen on the page: the mapping begins again with it, and its alerts are forgotten."""
+        """Apply the buttons that were pressed on the page. The mapping then restarts, without its earlier alerts."""
         while self.page.chosen:
             label = self.page.chosen.popleft()
             if (remedy := self._choices.get(label)) is not None:
@@ -114,7 +114,7 @@ class Dive:
             try:
                 keep_chosen(self.out, self.chosen)
             except InputError as error:
-                self._alert(f"what was chosen on the page is lost if the program is killed: {error}")
+                self._alert(f"the options chosen on the page are lost if the program is killed: {error}")
             if changes_scans(remedy):
                 forget_dive(self.out)
             self._alerts = [words for words in self._alerts if words not in self._of_mapping]
@@ -126,7 +126,7 @@ class Dive:
 
     @property
     def _choices(self) -> dict[str, Remedy | None]:
-        """The buttons of the page: each remedy, and None for the end of the last chosen one; none after the dive."""
+        """Buttons of the page by label: a remedy to use, or None to stop using the last one. No buttons after a dive."""
         if self._state.status == "ended":
             return {}
         choices: dict[str, Remedy | None] = {

@@ -83,7 +83,7 @@ def has_keys(out: Path) -> bool:
 
 
 def forget_keys(out: Path) -> None:
-    """Delete all key scans and what was chosen, but not their folder, which programs lock."""
+    """Delete all key scans and the chosen remedies, but not their folder, which programs lock."""
     for path in [*(out / FOLDER).glob("key_*.npz"), *(out / FOLDER).glob("*.json")]:
         path.unlink(missing_ok=True)
 

@@ -263,7 +263,7 @@ class _Mapping:
             self._alert(f"registrations cannot be saved: {error}")
             growing.forget_journal()
             result = growing.decide(known)
-        if result is not None and len(known.steps) >= LEAST_PAIRS:
+        if len(known.steps) >= LEAST_PAIRS:
             points = (_thinned(cell_means(key.points, growing.voxel), _EXAMINED) for key in known.keys)
             self._wrong.extend(
                 on_trial(replace(evidence, result=result, clouds=lambda: scan_clouds(result, [*points])))

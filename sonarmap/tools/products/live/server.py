@@ -59,8 +59,8 @@ class LivePage:
         self._token = None if _is_loopback(bind) else secrets.token_urlsafe(24)
         self._kept = Kept()
         self._ending = False
-        self.choices = frozenset[str]()  # what browsers may choose
-        self.chosen = deque[str]()  # what they chose, removed when it is taken
+        self.choices = frozenset[str]()  # labels of the buttons that browsers may press
+        self.chosen = deque[str]()  # labels of pressed buttons; the reader removes them
         self._pages = {"/": live_page()}  # path -> HTML and Content-Security-Policy
 
     @property

@@ -60,9 +60,14 @@ class ScansOnTrial:
             self._repeated.append(scan.name)
         self._seen.add(key)
 
+    @property
+    def sweep(self) -> Sweep:
+        """How long the sensor takes for a scan."""
+        return Sweep.of(self._spans, self._times)
+
     def found(self, unread: int = 0) -> Iterator[Finding]:
-        """What is wrong; `unread` scans are missing as they could not be read."""
-        yield from map(Finding, Sweep.of(self._spans, self._times).notes)
+        """Faults of the scans; `unread`: number of scans that could not be read."""
+        yield from map(Finding, self.sweep.notes)
         if parts := self.standing.found():
             yield Finding(in_words(parts), (Remedy("exclude_box", tuple(part.corners for part in parts)),))
         if len(self._repeated) >= max(_MIN_REPEATS, _MIN_REPEATED * len(self._times)):

@@ -34,7 +34,7 @@ def check_sweeps(folder: Path, rounding: float = 2e-5) -> tuple[str, ...]:
     for scan in read.scans:
         assert scan.times is not None
         np.testing.assert_allclose(scan.times, SWEEP * np.linspace(0, 1, 300), atol=rounding)
-    assert overview_of([folder]).sweep.seconds == pytest.approx(SWEEP, rel=2e-3)
+    assert overview_of([folder]).trial.sweep.seconds == pytest.approx(SWEEP, rel=2e-3)
     return read.notes
 
 
@@ -82,7 +82,7 @@ def test_units_of_a_message(tmp_path: Path, kind: str, unit: str) -> None:
 def test_seconds_of_slow_sweeps_stay_seconds(tmp_path: Path) -> None:
     folder = survey(tmp_path, lambda phase, _: 100 * phase, interval=120.0)
     assert read_scans([folder]).notes == ()
-    assert overview_of([folder]).sweep.seconds == pytest.approx(100.0)
+    assert overview_of([folder]).trial.sweep.seconds == pytest.approx(100.0)
 
 
 def test_impossible_times_are_named_and_not_used(tmp_path: Path) -> None:

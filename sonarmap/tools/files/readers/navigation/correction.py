@@ -30,7 +30,7 @@ class Correction:
             match = _TERM.fullmatch(term)
             if match is None or not {match[1], match[5]} <= set(COLUMNS):
                 raise InputError(
-                    f"--correct-priors is {text!r}; wanted what columns shall be, as heading_deg=-heading_deg, "
+                    f"--correct-priors is {text!r}; wanted corrections as heading_deg=-heading_deg, "
                     f"heading_deg=90+heading_deg or x_m=0.3048*x_m, of {', '.join(COLUMNS)}"
                 )
             column = COLUMNS.index(match[1])

@@ -40,7 +40,7 @@ def test_a_correction_sets_the_columns_that_it_names(text: str, column: int, wan
     "text", ["", "heading_deg", "heading=-heading", "x_m=2x_m", "x_m=nan*x_m", "x_m=x_m*2", "x_m=1+2+x_m", "x_m=5"]
 )
 def test_other_texts_are_refused(text: str) -> None:
-    refuses("--correct-priors is .*; wanted what columns shall be", Correction.of, text)
+    refuses("--correct-priors is .*; wanted corrections as", Correction.of, text)
 
 
 @pytest.mark.parametrize("seed", range(3))
