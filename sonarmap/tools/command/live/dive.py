@@ -126,7 +126,7 @@ class Dive:
 
     @property
     def _choices(self) -> dict[str, Remedy | None]:
-        """Buttons of the page by label: a remedy to use, or None to stop using the last one. No buttons after a dive."""
+        """Buttons of the page by label: a remedy to use, or None to stop using the last. None after a dive."""
         if self._state.status == "ended":
             return {}
         choices: dict[str, Remedy | None] = {
